@@ -1,0 +1,1 @@
+"""Controllers, one law per file."""

@@ -1,0 +1,1 @@
+"""Plants: the analytic model and MuJoCo contact physics behind one protocol."""

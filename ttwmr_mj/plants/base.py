@@ -1,0 +1,39 @@
+"""What the closed loop asks of a plant: a state, and time that advances under a command."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+
+
+class Plant(Protocol):
+    """A batch of robots that obey wheel-speed commands.
+
+    Attributes:
+        nsim: simulations in the batch.
+        time_step_s: the step in which the plant counts time.
+    """
+
+    nsim: int
+    time_step_s: float
+
+    def reset(self, initial: RobotState) -> None:
+        """Put every robot at rest or in motion as `initial` says, servos at that wheel speed."""
+        ...
+
+    def state(self) -> RobotState:
+        """The true state now, as fresh arrays."""
+        ...
+
+    def wheel_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) true wheel speeds (right, left)."""
+        ...
+
+    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
+        """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
+        ...
+
+    def failed(self) -> BoolArray:
+        """(nsim,) simulations whose physics broke (not finite, or MuJoCo warned)."""
+        ...

@@ -1,0 +1,1 @@
+"""Reference trajectories, each with derivatives to the fourth."""

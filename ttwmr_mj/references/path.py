@@ -1,0 +1,67 @@
+"""A reference as the controllers see it: sampled once for the whole run."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ReferencePath:
+    """Reference motion of P and of the two angles, at n sample times.
+
+    World frame, SI units. The batch axis is 1 when every simulation follows the same reference,
+    else nsim; either way row k broadcasts against a state of shape (nsim, ...).
+
+    Attributes:
+        time_s: (n,) sample times.
+        derivatives: (n, batch, 5, 2) position of P and its derivatives to the fourth
+            [m, m/s, m/s², m/s³, m/s⁴].
+        theta: (n, batch, 2) θ1 and θ2 [rad], unwrapped; NaN where the reference defines none.
+        theta_rate: (n, batch, 2) [rad/s]; NaN where undefined.
+        theta_acceleration: (n, batch, 2) [rad/s²]; NaN where undefined.
+    """
+
+    time_s: FloatArray
+    derivatives: FloatArray
+    theta: FloatArray
+    theta_rate: FloatArray
+    theta_acceleration: FloatArray
+
+    @property
+    def position_m(self) -> FloatArray:
+        """(n, batch, 2) position of P."""
+        return self.derivatives[:, :, 0]
+
+    @property
+    def velocity_m_s(self) -> FloatArray:
+        """(n, batch, 2) velocity of P."""
+        return self.derivatives[:, :, 1]
+
+    @property
+    def acceleration_m_s2(self) -> FloatArray:
+        """(n, batch, 2) acceleration of P."""
+        return self.derivatives[:, :, 2]
+
+    @property
+    def q(self) -> FloatArray:
+        """(n, batch, 4) x, y, θ1, θ2 (Eq. 2), NaN where undefined."""
+        return np.concatenate([self.position_m, self.theta], axis=-1)
+
+    @property
+    def q_rate(self) -> FloatArray:
+        """(n, batch, 4) rates of q, NaN where undefined."""
+        return np.concatenate([self.velocity_m_s, self.theta_rate], axis=-1)
+
+    @property
+    def theta1_rad(self) -> FloatArray:
+        """(n, batch) heading of the tractor."""
+        return self.theta[..., 0]
+
+    @property
+    def theta2_rad(self) -> FloatArray:
+        """(n, batch) orientation of the trailer, NaN where undefined."""
+        return self.theta[..., 1]

@@ -1,0 +1,48 @@
+"""The robot's state as the article writes it, for a batch of simulations."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+BoolArray = NDArray[np.bool_]
+
+X, Y, THETA1, THETA2 = range(4)  # columns of q (Eq. 2)
+RIGHT, LEFT = range(2)  # columns of wheel speeds: (ω_r, ω_l) as in Eq. 8-9
+
+
+@dataclass(frozen=True, slots=True)
+class RobotState:
+    """Generalized coordinates q = (x, y, θ1, θ2) (Eq. 2) and their rates.
+
+    World frame, SI units. (x, y) is P, the middle of the wheel axle and the hitch. Angles are
+    counter-clockwise from +x and unwrapped: a full turn adds 2π.
+
+    Attributes:
+        q: (nsim, 4) x [m], y [m], θ1 [rad] (tractor), θ2 [rad] (trailer).
+        q_rate: (nsim, 4) time derivatives of q [m/s, m/s, rad/s, rad/s].
+    """
+
+    q: FloatArray
+    q_rate: FloatArray
+
+    @classmethod
+    def at_rest(
+        cls, x_m: float, y_m: float, theta1_rad: float, theta2_rad: float, nsim: int = 1
+    ) -> RobotState:
+        """The same pose for every simulation, with all rates zero."""
+        q = np.tile(np.array([x_m, y_m, theta1_rad, theta2_rad]), (nsim, 1))
+        return cls(q=q, q_rate=np.zeros_like(q))
+
+    @property
+    def nsim(self) -> int:
+        """Number of simulations in the batch."""
+        return int(self.q.shape[0])
+
+    @property
+    def hitch_angle_rad(self) -> FloatArray:
+        """θ2 − θ1, (nsim,) [rad]: the hinge coordinate of the trailer on the tractor."""
+        return self.q[:, THETA2] - self.q[:, THETA1]
