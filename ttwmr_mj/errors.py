@@ -13,5 +13,5 @@ class RunError(TtwmrError):
     """A run that started could not be finished: divergence, broken physics (exit code 1)."""
 
 
-class EnvironmentFault(TtwmrError):
+class MachineError(TtwmrError):
     """This machine lacks something the request needs, and the message says what (exit code 2)."""

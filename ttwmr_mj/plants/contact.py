@@ -1,0 +1,173 @@
+"""The robot in MuJoCo contact physics, a batch of simulations on `mujoco.batch.Batch`."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from mujoco import batch
+from numpy.typing import NDArray
+
+from ttwmr_mj.angles import unwrap_near
+from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.mjcf import CONTACTS, WHEELS, build_model
+from ttwmr_mj.plants.servo import ramp
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState
+
+SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
+
+
+@dataclass(frozen=True, slots=True)
+class WheelContacts:
+    """What the floor does to each wheel and ball, in the order of `mjcf.CONTACTS`.
+
+    Attributes:
+        force_n: (nsim, 5, 3) force of the floor on the robot, world frame; zero without contact.
+        position_m: (nsim, 5, 3) contact points, world frame.
+        slip_m_s: (nsim, 5, 3) velocity of the robot's surface over the floor, world frame.
+    """
+
+    force_n: FloatArray
+    position_m: FloatArray
+    slip_m_s: FloatArray
+
+
+class ContactPlant:
+    """MuJoCo rigid bodies, contacts and servos behind the `Plant` protocol.
+
+    A single run is a batch of one, so there is one code path; results are the same bits at any
+    thread count and batch size.
+    """
+
+    def __init__(
+        self, robot: RobotParameters, options: ContactOptions, nsim: int = 1, nthread: int = 0
+    ) -> None:
+        self.nsim = nsim
+        self.time_step_s = options.timestep_s
+        self.model = build_model(
+            robot, options, Path(options.model_path) if options.model_path else None
+        )
+        self._robot = robot
+        self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._sensordata = self._batch.bind("sensordata")
+        self._free_qpos = int(self.model.joint("tractor").qposadr[0])
+        self._free_qvel = int(self.model.joint("tractor").dofadr[0])
+        self._hitch_qpos = int(self.model.joint("hitch").qposadr[0])
+        self._hitch_qvel = int(self.model.joint("hitch").dofadr[0])
+        self._wheel_qvel = np.array([int(self.model.joint(name).dofadr[0]) for name in WHEELS])
+        self._contact_columns = _contact_columns(self.model)
+        self._settled_qpos = self._settle()
+        self._theta1: FloatArray = np.zeros(nsim)
+        self._setpoint: FloatArray = np.zeros((nsim, 2))
+        self._time: FloatArray = np.zeros(0)
+
+    def _settle(self) -> FloatArray:
+        """(nq,) generalized positions of the robot standing still in its contacts at the origin."""
+        self._batch.reset(keyframe=0)
+        self._batch.step(ids=[0], nstep=round(SETTLE_S / self.time_step_s))
+        return np.array(self._qpos[0])
+
+    def reset(self, initial: RobotState) -> None:
+        """Stand the robots, settled in their contacts, at the initial pose and velocity."""
+        self._batch.reset()
+        qpos = np.tile(self._settled_qpos, (self.nsim, 1))
+        free = self._free_qpos
+        qpos[:, free : free + 2] = initial.q[:, :2]
+        half = 0.5 * initial.q[:, THETA1]
+        cos, sin = np.cos(half), np.sin(half)
+        w, x, y, z = self._settled_qpos[free + 3 : free + 7]
+        # yaw about the world's vertical, on top of the settled tilt
+        turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
+        qpos[:, free + 3 : free + 7] = np.stack(turned, axis=-1)
+        qpos[:, self._hitch_qpos] = initial.hitch_angle_rad
+        self._qpos[:] = qpos
+        self._qvel[:] = 0.0
+        self._qvel[:, self._free_qvel : self._free_qvel + 2] = initial.q_rate[:, :2]
+        self._qvel[:, self._free_qvel + 5] = initial.q_rate[:, THETA1]
+        self._qvel[:, self._hitch_qvel] = initial.q_rate[:, THETA2] - initial.q_rate[:, THETA1]
+        self._setpoint = self._rolling_speed(initial)
+        self._qvel[:, self._wheel_qvel] = self._setpoint
+        self._theta1 = np.array(initial.q[:, THETA1])
+        self._batch.forward()
+
+    def _rolling_speed(self, initial: RobotState) -> FloatArray:
+        """(nsim, 2) wheel speeds that roll without slip at the initial velocity."""
+        heading = initial.q[:, THETA1]
+        forward = initial.q_rate[:, 0] * np.cos(heading) + initial.q_rate[:, 1] * np.sin(heading)
+        turn = self._robot.half_track_m * initial.q_rate[:, THETA1]
+        speeds = np.stack([forward + turn, forward - turn], axis=-1)
+        return speeds / self._robot.tractor.wheel_radius_m
+
+    def state(self) -> RobotState:
+        """Pose and velocity of P and of both halves, read from the joints."""
+        free, speed = self._free_qpos, self._free_qvel
+        w, x, y, z = self._qpos[:, free + 3 : free + 7].T
+        yaw = np.arctan2(2.0 * (w * z + x * y), 1.0 - 2.0 * (y * y + z * z))
+        self._theta1 = unwrap_near(yaw, self._theta1)
+        # the free joint's angular velocity is in the tractor's frame: take its vertical part
+        wx, wy, wz = self._qvel[:, speed + 3 : speed + 6].T
+        yaw_rate = (
+            2.0 * (x * z - w * y) * wx
+            + 2.0 * (y * z + w * x) * wy
+            + (1.0 - 2.0 * (x * x + y * y)) * wz
+        )
+        q, q_rate = np.empty((self.nsim, 4)), np.empty((self.nsim, 4))
+        q[:, :2] = self._qpos[:, free : free + 2]
+        q[:, THETA1] = self._theta1
+        q[:, THETA2] = self._theta1 + self._qpos[:, self._hitch_qpos]
+        q_rate[:, :2] = self._qvel[:, speed : speed + 2]
+        q_rate[:, THETA1] = yaw_rate
+        q_rate[:, THETA2] = yaw_rate + self._qvel[:, self._hitch_qvel]
+        return RobotState(q=q, q_rate=q_rate)
+
+    def wheel_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
+        return np.array(self._qvel[:, self._wheel_qvel])
+
+    def joint_positions(self) -> FloatArray:
+        """(nsim, nq) MuJoCo generalized positions, for drawing the robot."""
+        return np.array(self._qpos)
+
+    def contact_readings(self) -> FloatArray:
+        """(nsim, 5, 15) raw contact sensors of the last physics step, for `read_contacts`."""
+        return np.array(self._sensordata[:, self._contact_columns])
+
+    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
+        """Let the servos ramp to the command and hold it, for a number of physics steps."""
+        if self._time.size != steps:
+            self._time = self.time_step_s * np.arange(1, steps + 1)
+        control = ramp(self._setpoint, wheel_command_rad_s, self._robot.servo, self._time)
+        self._batch.rollout(steps, control, record=())
+        self._setpoint = control[:, -1]
+
+    def failed(self) -> BoolArray:
+        """(nsim,) simulations in which MuJoCo warned or a state is not finite."""
+        warned = self._batch.warning[:, :, 1].any(axis=1)
+        return np.asarray(warned | ~np.isfinite(self._qvel).all(axis=1))
+
+
+def _contact_columns(model: mujoco.MjModel) -> NDArray[np.intp]:
+    """(5, 15) columns of sensordata that hold each contact's readings."""
+    starts = [int(model.sensor(f"contact_{name}").adr[0]) for name in CONTACTS]
+    return np.array(starts)[:, None] + np.arange(15)
+
+
+def read_contacts(readings: FloatArray) -> WheelContacts:
+    """Contact sensor readings (..., 15) as forces, points and slip in the world frame.
+
+    The sensor speaks in the contact frame (normal, tangent, their cross product), whose normal
+    points from the robot to the floor, of the force *on the floor* and of the floor's velocity
+    relative to the robot: both change sign here.
+    """
+    force, position, normal, tangent, velocity = np.split(readings, 5, axis=-1)
+    frame = np.stack([normal, tangent, np.cross(normal, tangent)], axis=-2)
+    return WheelContacts(
+        force_n=-np.einsum("...i,...ij->...j", force, frame),
+        position_m=np.array(position),
+        slip_m_s=-np.einsum("...i,...ij->...j", velocity, frame),
+    )

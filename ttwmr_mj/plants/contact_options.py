@@ -1,0 +1,25 @@
+"""How contact physics is solved, and the floor: chosen by measurement (models/README.md)."""
+
+from __future__ import annotations
+
+from pydantic import Field
+
+from ttwmr_mj.robot import Config
+
+
+class ContactOptions(Config):
+    """Settings of the MuJoCo plant."""
+
+    timestep_s: float = Field(default=0.001, ge=1e-5, le=0.01, description="physics step")
+    contact_time_constant_s: float = Field(
+        default=0.002, ge=1e-5, le=0.1, description="solref: smaller is stiffer and creeps less"
+    )
+    friction_impedance_ratio: float = Field(
+        default=10.0, ge=1, le=1e5, description="impratio: larger slips less"
+    )
+    floor_friction: float = Field(
+        default=0.9, gt=0, le=10, description="Coulomb coefficient, tyres and balls on the floor"
+    )
+    model_path: str | None = Field(
+        default=None, description="another scene file that includes models/ttwmr.xml"
+    )

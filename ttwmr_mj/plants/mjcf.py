@@ -1,0 +1,230 @@
+"""XML and parameters make one MjModel whose halves weigh exactly what Table I says.
+
+Table I describes each half of the robot as a whole. MuJoCo wants its parts: chassis, wheels, balls.
+The chassis is what remains, so that mass, COM and yaw inertia of the composite come out right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import mujoco
+import numpy as np
+
+from ttwmr_mj.assets import models_folder
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.robot import RobotParameters
+
+TRACTOR_CASTER = "caster_tractor"
+TRAILER_CASTERS = ("caster_trailer_right", "caster_trailer_left")
+CASTERS = (TRACTOR_CASTER, *TRAILER_CASTERS)
+WHEELS = ("wheel_right", "wheel_left")
+CONTACTS = (*WHEELS, *CASTERS)
+# A flat chassis: its roll and pitch inertia as a share of its yaw inertia. A planar robot feels
+# neither; more than half satisfies the triangle inequality.
+ROLL_SHARE = 0.55
+
+
+@dataclass(frozen=True, slots=True)
+class Lump:
+    """A rigid part seen from above: mass, position of its COM on the long axis, yaw inertia."""
+
+    mass_kg: float
+    x_m: float
+    y_m: float
+    yaw_inertia_kg_m2: float
+
+
+def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:
+    """(spin, diametral) inertia of a wheel as a solid cylinder [kg·m²]."""
+    tractor = robot.tractor
+    radius, half_width = tractor.wheel_radius_m, tractor.wheel_half_width_m
+    spin = 0.5 * tractor.wheel_mass_kg * radius**2
+    diametral = tractor.wheel_mass_kg * (3 * radius**2 + 4 * half_width**2) / 12
+    return spin, diametral
+
+
+def ball_inertia(robot: RobotParameters) -> float:
+    """Inertia of a caster ball as a solid sphere [kg·m²]."""
+    return 0.4 * robot.casters.mass_kg * robot.casters.radius_m**2
+
+
+def chassis_remainder(whole: Lump, parts: list[Lump], keys: str) -> Lump:
+    """The chassis that makes the composite equal to `whole`.
+
+    Args:
+        whole: the composite; its inertia is about its own COM.
+        parts: wheels and casters; each inertia about its own COM.
+        keys: the scenario keys to name when the parts are too heavy.
+
+    Raises:
+        InputError: the parts leave no positive mass or yaw inertia for the chassis.
+    """
+    mass = whole.mass_kg - sum(part.mass_kg for part in parts)
+    if mass <= 0:
+        taken = whole.mass_kg - mass
+        raise InputError(
+            f"{keys}: wheels and casters weigh {taken:g} kg of {whole.mass_kg:g} kg and leave "
+            f"nothing for the chassis; make them lighter than {whole.mass_kg:g} kg together"
+        )
+    x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
+    inertia = whole.yaw_inertia_kg_m2 - mass * (x - whole.x_m) ** 2
+    for part in parts:
+        lever_squared = (part.x_m - whole.x_m) ** 2 + part.y_m**2
+        inertia -= part.yaw_inertia_kg_m2 + part.mass_kg * lever_squared
+    if inertia <= 0:
+        needed = whole.yaw_inertia_kg_m2 - inertia
+        raise InputError(
+            f"{keys}: a yaw inertia of {whole.yaw_inertia_kg_m2:g} kg·m² is impossible, the wheels "
+            f"and casters alone, where they sit, have {needed:g} kg·m²; give more than that or "
+            "lighter wheels and casters"
+        )
+    return Lump(mass, x, 0.0, inertia)
+
+
+def tractor_chassis(robot: RobotParameters) -> Lump:
+    """Chassis of the tractor without wheels and caster."""
+    tractor, casters = robot.tractor, robot.casters
+    _, diametral = wheel_inertia(robot)
+    parts = [
+        Lump(tractor.wheel_mass_kg, 0.0, -robot.half_track_m, diametral),
+        Lump(tractor.wheel_mass_kg, 0.0, robot.half_track_m, diametral),
+        Lump(casters.mass_kg, casters.tractor_position_m, 0.0, ball_inertia(robot)),
+    ]
+    whole = Lump(tractor.mass_kg, tractor.com_offset_m, 0.0, tractor.yaw_inertia_kg_m2)
+    return chassis_remainder(whole, parts, "robot.tractor")
+
+
+def trailer_chassis(robot: RobotParameters) -> Lump:
+    """Chassis of the trailer without its two casters."""
+    trailer, casters = robot.trailer, robot.casters
+    x = -trailer.com_offset_m
+    parts = [
+        Lump(casters.mass_kg, x, side * casters.trailer_half_spacing_m, ball_inertia(robot))
+        for side in (-1.0, 1.0)
+    ]
+    whole = Lump(trailer.mass_kg, x, 0.0, trailer.yaw_inertia_kg_m2)
+    return chassis_remainder(whole, parts, "robot.trailer")
+
+
+def build_spec(
+    robot: RobotParameters, options: ContactOptions, scene: Path | None = None
+) -> mujoco.MjSpec:
+    """The laboratory with this robot in it, still editable.
+
+    Args:
+        robot: every number of the robot.
+        options: how contact physics is solved.
+        scene: another scene file that includes the robot; None takes the shipped one.
+
+    Raises:
+        InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
+    """
+    path = scene or models_folder() / "scene.xml"
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+    except (ValueError, OSError) as error:
+        raise InputError(f"plant.contact.model_path: cannot read {path}: {error}") from error
+    try:
+        _set_inertia(spec, robot)
+        _set_geometry(spec, robot)
+        _set_joints(spec, robot)
+        _set_contact(spec, robot, options)
+    except AttributeError as error:
+        raise InputError(
+            f"plant.contact.model_path: {path} lacks a part of the robot ({error}); it must "
+            "include models/ttwmr.xml and a geom named floor"
+        ) from error
+    return spec
+
+
+def build_model(
+    robot: RobotParameters, options: ContactOptions, scene: Path | None = None
+) -> mujoco.MjModel:
+    """The compiled laboratory with this robot in it; errors as `build_spec`."""
+    spec = build_spec(robot, options, scene)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f"plant.contact: MuJoCo refuses this robot: {error}") from error
+
+
+def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
+    body = spec.body(name)
+    body.mass = lump.mass_kg
+    body.ipos = [lump.x_m, 0.0, 0.0]
+    body.inertia = lump.yaw_inertia_kg_m2 * np.array([ROLL_SHARE, ROLL_SHARE, 1.0])
+
+
+def _set_inertia(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+    _set_body(spec, "tractor", tractor_chassis(robot))
+    _set_body(spec, "trailer", trailer_chassis(robot))
+    spin, diametral = wheel_inertia(robot)
+    for name in WHEELS:
+        spec.body(name).mass = robot.tractor.wheel_mass_kg
+        spec.body(name).inertia = [diametral, spin, diametral]
+    for name in CASTERS:
+        spec.body(name).mass = robot.casters.mass_kg
+        spec.body(name).inertia = [ball_inertia(robot)] * 3
+
+
+def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+    tractor, casters = robot.tractor, robot.casters
+    axle_height, half_track = tractor.wheel_radius_m, robot.half_track_m
+    spec.body("tractor").pos = [0.0, 0.0, axle_height]
+    spec.body("wheel_right").pos = [0.0, -half_track, 0.0]
+    spec.body("wheel_left").pos = [0.0, half_track, 0.0]
+    ball_height = casters.radius_m - axle_height
+    behind, aside = -robot.trailer.com_offset_m, casters.trailer_half_spacing_m
+    spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
+    spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
+    spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
+    spec.site("trailer_com").pos = [behind, 0.0, 0.0]
+    radius, half_width = tractor.wheel_radius_m, tractor.wheel_half_width_m
+    for name in WHEELS:
+        geom = spec.geom(name)
+        if tractor.wheel_shape == "cylinder":
+            geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
+            geom.size = [radius, half_width, 0.0]
+            geom.quat = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+        else:
+            geom.size = [radius, half_width, radius]
+        side = name.removeprefix("wheel_")
+        spec.geom(f"tyre_{side}").size = [radius, half_width, 0.0]
+    for name in CASTERS:
+        spec.geom(name).size = [casters.radius_m, 0.0, 0.0]
+        spec.geom(name.replace("caster", "ball")).size = [casters.radius_m, 0.0, 0.0]
+    for key in spec.keys:
+        key.qpos[2] = axle_height
+
+
+def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+    hitch, servo = spec.joint("hitch"), robot.servo
+    hitch.stiffness[0] = robot.hitch.stiffness_n_m_rad  # [1:] are the cubic spring's terms
+    hitch.damping[0] = robot.hitch.damping_n_m_s_rad
+    hitch.frictionloss = robot.hitch.coulomb_friction_n_m
+    for name in WHEELS:
+        spec.joint(name).armature = servo.reflected_inertia_kg_m2
+        actuator = spec.actuator(name)
+        gain = servo.velocity_gain_n_m_s_rad
+        actuator.gainprm[0], actuator.biasprm[2] = gain, -gain
+        actuator.forcerange = [-servo.stall_torque_n_m, servo.stall_torque_n_m]
+        actuator.ctrlrange = [-servo.speed_limit_rad_s, servo.speed_limit_rad_s]
+
+
+def _set_contact(spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions) -> None:
+    spec.option.timestep = options.timestep_s
+    spec.option.impratio = options.friction_impedance_ratio
+    solref = [options.contact_time_constant_s, 1.0]
+    spec.joint("hitch").solref_friction = solref
+    rolling = robot.casters.rolling_resistance_m
+    for name in CONTACTS:
+        geom = spec.geom(name)
+        geom.solref = solref
+        geom.friction[0] = options.floor_friction
+        if name in CASTERS:
+            geom.condim = 6 if rolling > 0 else 3
+            geom.friction[1], geom.friction[2] = 0.0, rolling
+    spec.geom("floor").friction[0] = options.floor_friction

@@ -1,0 +1,45 @@
+"""A circle at constant angular rate."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.references.base import Reference
+from ttwmr_mj.references.time_law import ORDERS, TimeLaw
+from ttwmr_mj.state import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class Circle(Reference):
+    """P = centre + R·(cos φ, sin φ) with φ = phase + ω·t.
+
+    The article's circles: Eq. 37 has R = 1 m, ω = 0.5 rad/s, phase 0; Eq. 72-73 have R = 0.43 m,
+    ω = 1/8 rad/s, phase 0.35 rad. The path parameter σ is the angle travelled, |ω|·t.
+
+    Attributes:
+        radius_m: R.
+        angular_rate_rad_s: ω; negative runs clockwise.
+        phase_rad: φ at the start.
+        centre_m: (x, y).
+    """
+
+    radius_m: float
+    angular_rate_rad_s: float
+    phase_rad: float = 0.0
+    centre_m: tuple[float, float] = (0.0, 0.0)
+
+    def path_derivatives(self, sigma: FloatArray) -> FloatArray:
+        """(5, n, 2) p and its derivatives by the angle travelled, (n,)."""
+        sense = np.copysign(1.0, self.angular_rate_rad_s)
+        phi = self.phase_rad + sense * sigma
+        radial = self.radius_m * np.stack([np.cos(phi), np.sin(phi)], axis=-1)
+        tangential = sense * np.stack([-radial[:, 1], radial[:, 0]], axis=-1)
+        path = np.stack([radial, tangential, -radial, -tangential, radial][:ORDERS])
+        path[0] += self.centre_m
+        return path
+
+    def time_law(self) -> TimeLaw:
+        """Constant angular rate after the start."""
+        return TimeLaw(rate=abs(self.angular_rate_rad_s), ramp_s=self.ramp_s)

@@ -1,0 +1,49 @@
+"""A figure eight: the 1:2 Lissajous curve."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.references.base import Reference
+from ttwmr_mj.references.time_law import ORDERS, TimeLaw
+from ttwmr_mj.state import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FigureEight(Reference):
+    """P = centre + (W·sin φ, H·sin 2φ) with φ = phase + 2π·t/period (cf. Fig. 19).
+
+    A lying eight that crosses itself at its centre, where φ = 0 and π; there the curvature
+    changes sign. With H = W/2 it is the lemniscate of Gerono. The path parameter σ is the
+    phase travelled, φ − phase.
+
+    Attributes:
+        half_width_m: W.
+        half_height_m: H.
+        period_s: time of one whole eight at full rate.
+        phase_rad: φ at the start.
+        centre_m: (x, y) of the crossing.
+    """
+
+    half_width_m: float
+    half_height_m: float
+    period_s: float
+    phase_rad: float = 0.0
+    centre_m: tuple[float, float] = (0.0, 0.0)
+
+    def path_derivatives(self, sigma: FloatArray) -> FloatArray:
+        """(5, n, 2) p and its derivatives by the phase travelled, (n,)."""
+        order = np.arange(ORDERS)[:, None]
+        phi = self.phase_rad + sigma
+        quarter_turns = 0.5 * np.pi * order  # each derivative of a sine is a quarter turn ahead
+        x = self.half_width_m * np.sin(phi + quarter_turns)
+        y = self.half_height_m * 2.0**order * np.sin(2.0 * phi + quarter_turns)
+        path = np.stack([x, y], axis=-1)
+        path[0] += self.centre_m
+        return path
+
+    def time_law(self) -> TimeLaw:
+        """Constant phase rate after the start."""
+        return TimeLaw(rate=2.0 * np.pi / self.period_s, ramp_s=self.ramp_s)
