@@ -1,4 +1,4 @@
-"""Where the shipped models and scenarios are: beside the package in a checkout, inside it in a wheel."""
+"""Where models and scenarios are: beside the package in a checkout, inside it in a wheel."""
 
 from __future__ import annotations
 

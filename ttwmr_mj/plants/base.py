@@ -34,6 +34,14 @@ class Plant(Protocol):
         """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
         ...
 
+    def joint_positions(self) -> FloatArray:
+        """(nsim, nq) MuJoCo's generalized positions; nq = 0 where there is no such thing."""
+        ...
+
+    def contact_readings(self) -> FloatArray:
+        """(nsim, ncontact, 15) contact sensors; ncontact = 0 where there are no contacts."""
+        ...
+
     def failed(self) -> BoolArray:
         """(nsim,) simulations whose physics broke (not finite, or MuJoCo warned)."""
         ...

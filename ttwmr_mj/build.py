@@ -1,0 +1,104 @@
+"""From a scenario's words to the objects of a run."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from ttwmr_mj.controllers.base import Controller
+from ttwmr_mj.controllers.custom import load_controller
+from ttwmr_mj.controllers.lyapunov import Lyapunov
+from ttwmr_mj.controllers.open_loop import OpenLoop
+from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.base import Reference
+from ttwmr_mj.references.circle import Circle
+from ttwmr_mj.references.figure_eight import FigureEight
+from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.straight_line import StraightLine
+from ttwmr_mj.references.waypoints import Waypoints
+from ttwmr_mj.scenario import AtRest, LyapunovController, OpenLoopController, Scenario
+from ttwmr_mj.sensing import Sensor, TruthSensor
+from ttwmr_mj.state import RobotState
+
+LOOKAHEAD_SAMPLES = 64  # reference samples beyond the run's end, for laws that look ahead
+
+_REFERENCES: dict[str, type[Reference]] = {
+    "circle": Circle,
+    "figure_eight": FigureEight,
+    "straight_line": StraightLine,
+    "waypoints": Waypoints,
+}
+
+
+def make_reference(scenario: Scenario) -> Reference | None:
+    """The reference trajectory, or None for open-loop experiments."""
+    section = scenario.reference
+    if section.kind == "none":
+        return None
+    return _REFERENCES[section.kind](**dict(section.model_dump(exclude={"kind"})))
+
+
+def sample_reference(scenario: Scenario) -> ReferencePath | None:
+    """The reference at every control sample of the run and a little beyond."""
+    reference = make_reference(scenario)
+    if reference is None:
+        return None
+    count = scenario.periods + 1 + LOOKAHEAD_SAMPLES
+    return reference.sample(scenario.control.sampling_time_s * np.arange(count, dtype=np.float64))
+
+
+def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
+    """The plant, not yet reset."""
+    options = scenario.plant
+    if options.kind == "analytic":
+        from ttwmr_mj.plants.analytic import AnalyticPlant
+
+        return AnalyticPlant(
+            scenario.robot,
+            nsim=nsim,
+            time_step_s=options.contact.timestep_s,
+            max_integration_step_s=options.analytic.max_step_s,
+            published_spring=options.analytic.published_spring,
+        )
+    # MuJoCo takes time to import, and may be unable to: only when it is needed
+    from ttwmr_mj.plants.contact import ContactPlant
+
+    return ContactPlant(scenario.robot, options.contact, nsim=nsim)
+
+
+def make_controller(scenario: Scenario, folder: Path) -> Controller:
+    """The controller, not yet started; `folder` is where a custom one is looked for first."""
+    section = scenario.controller
+    if isinstance(section, LyapunovController):
+        return Lyapunov(section)
+    if isinstance(section, OpenLoopController):
+        return OpenLoop(section)
+    return load_controller(section, folder)
+
+
+def make_sensor(scenario: Scenario, nsim: int, rng: np.random.Generator) -> Sensor:
+    """The sensor with its latency queue."""
+    return TruthSensor(scenario.sensing, scenario.control.sampling_time_s, nsim, rng)
+
+
+def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int = 1) -> RobotState:
+    """Where every simulation starts."""
+    start = scenario.initial
+    if isinstance(start, AtRest):
+        return RobotState.at_rest(start.x_m, start.y_m, start.theta1_rad, start.theta2_rad, nsim)
+    if reference is None:
+        raise AssertionError("the loader refuses on_reference without a reference")
+    q, rate = reference.q[0, 0].copy(), reference.q_rate[0, 0].copy()
+    if np.isnan(q[3]):
+        q[3], rate[3] = q[2], rate[2]
+    q += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
+    return RobotState(q=np.tile(q, (nsim, 1)), q_rate=np.tile(rate, (nsim, 1)))
+
+
+def generators(seed: int, names: tuple[str, ...]) -> dict[str, np.random.Generator]:
+    """One independent random generator per name; adding a name leaves the others as they were."""
+    return {
+        name: np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
+        for name in names
+    }

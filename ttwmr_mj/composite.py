@@ -1,0 +1,94 @@
+"""Table I describes each half of the robot as a whole; the chassis is what its parts leave.
+
+MuJoCo wants the parts: chassis, wheels, balls. With the remainder computed here, mass, COM and yaw
+inertia of each composite equal Table I (or whatever a scenario sets instead).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.robot import RobotParameters
+
+
+@dataclass(frozen=True, slots=True)
+class Lump:
+    """A rigid part seen from above: mass, position of its COM on the long axis, yaw inertia."""
+
+    mass_kg: float
+    x_m: float
+    y_m: float
+    yaw_inertia_kg_m2: float
+
+
+def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:
+    """(spin, diametral) inertia of a wheel as a solid cylinder [kg·m²]."""
+    tractor = robot.tractor
+    radius, half_width = tractor.wheel_radius_m, tractor.wheel_half_width_m
+    spin = 0.5 * tractor.wheel_mass_kg * radius**2
+    diametral = tractor.wheel_mass_kg * (3 * radius**2 + 4 * half_width**2) / 12
+    return spin, diametral
+
+
+def ball_inertia(robot: RobotParameters) -> float:
+    """Inertia of a caster ball as a solid sphere [kg·m²]."""
+    return 0.4 * robot.casters.mass_kg * robot.casters.radius_m**2
+
+
+def chassis_remainder(whole: Lump, parts: list[Lump], keys: str) -> Lump:
+    """The chassis that makes the composite equal to `whole`.
+
+    Args:
+        whole: the composite; its inertia is about its own COM.
+        parts: wheels and casters; each inertia about its own COM.
+        keys: the scenario keys to name when the parts are too heavy.
+
+    Raises:
+        InputError: the parts leave no positive mass or yaw inertia for the chassis.
+    """
+    mass = whole.mass_kg - sum(part.mass_kg for part in parts)
+    if mass <= 0:
+        taken = whole.mass_kg - mass
+        raise InputError(
+            f"{keys}: wheels and casters weigh {taken:g} kg of {whole.mass_kg:g} kg and leave "
+            f"nothing for the chassis; make them lighter than {whole.mass_kg:g} kg together"
+        )
+    x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
+    inertia = whole.yaw_inertia_kg_m2 - mass * (x - whole.x_m) ** 2
+    for part in parts:
+        lever_squared = (part.x_m - whole.x_m) ** 2 + part.y_m**2
+        inertia -= part.yaw_inertia_kg_m2 + part.mass_kg * lever_squared
+    if inertia <= 0:
+        needed = whole.yaw_inertia_kg_m2 - inertia
+        raise InputError(
+            f"{keys}: a yaw inertia of {whole.yaw_inertia_kg_m2:g} kg·m² is impossible, the wheels "
+            f"and casters alone, where they sit, have {needed:g} kg·m²; give more than that or "
+            "lighter wheels and casters"
+        )
+    return Lump(mass, x, 0.0, inertia)
+
+
+def tractor_chassis(robot: RobotParameters) -> Lump:
+    """Chassis of the tractor without wheels and caster."""
+    tractor, casters = robot.tractor, robot.casters
+    _, diametral = wheel_inertia(robot)
+    parts = [
+        Lump(tractor.wheel_mass_kg, 0.0, -robot.half_track_m, diametral),
+        Lump(tractor.wheel_mass_kg, 0.0, robot.half_track_m, diametral),
+        Lump(casters.mass_kg, casters.tractor_position_m, 0.0, ball_inertia(robot)),
+    ]
+    whole = Lump(tractor.mass_kg, tractor.com_offset_m, 0.0, tractor.yaw_inertia_kg_m2)
+    return chassis_remainder(whole, parts, "robot.tractor")
+
+
+def trailer_chassis(robot: RobotParameters) -> Lump:
+    """Chassis of the trailer without its two casters."""
+    trailer, casters = robot.trailer, robot.casters
+    x = -trailer.com_offset_m
+    parts = [
+        Lump(casters.mass_kg, x, side * casters.trailer_half_spacing_m, ball_inertia(robot))
+        for side in (-1.0, 1.0)
+    ]
+    whole = Lump(trailer.mass_kg, x, 0.0, trailer.yaw_inertia_kg_m2)
+    return chassis_remainder(whole, parts, "robot.trailer")

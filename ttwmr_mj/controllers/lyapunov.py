@@ -1,0 +1,88 @@
+"""The article's law for the tractor alone (Eq. 32), with a choice of what to do about e1²/e2.
+
+As printed, v = v_d − α2·e2 − (α1/α2)·(e1 + e1²/e2), and the same in y. Theorem 1 overlooks that the
+error reaches e2 = 0 in finite time with e1 ≠ 0, where e1²/e2 is undefined: with u = e2/e1 the
+printed law gives u' = −α2·u − (α1/α2)(1 + 1/u) − u², which for Table II is negative for every u > 0
+and drives every u < 0 up to 0⁻ or down through −∞.
+
+`singular_terms` names the choices:
+
+- "omitted" (default): without e1²/e2, e1'' + α2·e1' + (α1/α2)·e1 = 0. V of Eq. 33 then has
+  V' = −(α2·e2)² − (α4·e4)², and by LaSalle's principle e → 0. Table II: poles −0.26 and −9.74 1/s.
+- "regularized": e1²·e2/(e2² + ε²). Bounded, and V' ≤ −(α2·e2)² − (α4·e4)² still; slow near the
+  end, because the term fights the error's last motion.
+- "published": as printed. Where e2 is exactly 0 the term counts as 0; close to 0 it is as large as
+  it is, and the wheels saturate.
+
+Stability assumes that P obeys v, that is: no wheel saturation, no slip, and T small against α.
+Nothing here looks at the trailer.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import LyapunovController
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray
+
+
+def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovController) -> FloatArray:
+    """What stands for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
+    if options.singular_terms == "omitted":
+        return np.zeros_like(e)
+    if options.singular_terms == "regularized":
+        return e * e * e_rate / (e_rate * e_rate + options.regularization_m_s**2)
+    return np.divide(e * e, e_rate, out=np.zeros_like(e), where=e_rate != 0.0)
+
+
+def law(
+    e: FloatArray, e_rate: FloatArray, feedforward: FloatArray, options: LyapunovController
+) -> FloatArray:
+    """(v1, v2) of Eq. 32 for errors e = (e1, e3), e_rate = (e2, e4), all (..., 2) [m/s²]."""
+    damping, stiffness = gains(options)
+    pull = e if options.singular_terms == "omitted" else e + singular_term(e, e_rate, options)
+    return np.asarray(feedforward - damping * e_rate - stiffness * pull)
+
+
+@cache
+def gains(options: LyapunovController) -> tuple[FloatArray, FloatArray]:
+    """(α2, α4) [1/s] and (α1/α2, α3/α4) [1/s²], the gains as Eq. 32 uses them."""
+    damping = np.array([options.alpha2, options.alpha4])
+    return damping, np.array([options.alpha1, options.alpha3]) / damping
+
+
+class Lyapunov(Controller):
+    """Law (32) and the map of Eq. 27-28 to wheel speeds.
+
+    v_d is the reference's mean acceleration over the coming period, (ẋ_d(k+1) − ẋ_d(k))/T: with
+    it, zero error is an exact equilibrium of the sampled loop.
+    """
+
+    def __init__(self, options: LyapunovController) -> None:
+        self._options = options
+
+    def start(self, task: Task) -> None:
+        """Take the reference; raise InputError if there is none."""
+        if task.reference is None:
+            raise InputError("controller.kind = 'lyapunov' needs a reference; got kind = 'none'")
+        self._position = task.reference.position_m
+        self._velocity = task.reference.velocity_m_s
+        self._mean_acceleration = np.diff(self._velocity, axis=0) / task.sampling_time_s
+        self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """One sample of the law on the estimated position and velocity of P."""
+        state = estimate.state
+        acceleration = law(
+            state.q[:, :2] - self._position[k],
+            state.q_rate[:, :2] - self._velocity[k],
+            self._mean_acceleration[k],
+            self._options,
+        )
+        return self._wheels.command(acceleration, state)

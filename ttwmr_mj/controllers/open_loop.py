@@ -1,0 +1,38 @@
+"""Wheel speeds from a list, whatever the robot does."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.scenario import OpenLoopController
+from ttwmr_mj.sensing import Estimate
+
+
+class OpenLoop(Controller):
+    """Segments of constant wheel speed, one after the other, then standstill.
+
+    A segment is in force at every sample that falls into it; its ends are not moved to samples.
+    """
+
+    def __init__(self, options: OpenLoopController) -> None:
+        self._options = options
+
+    def start(self, task: Task) -> None:
+        """Lay the segments out in time and flag what the servo will cut."""
+        segments = self._options.segments
+        self._ends = np.cumsum([segment.duration_s for segment in segments])
+        speeds = [[s.wheel_right_rad_s, s.wheel_left_rad_s] for s in segments]
+        self._speeds = np.array([*speeds, [0.0, 0.0]])
+        self._saturated = np.abs(self._speeds).max(axis=1) > task.robot.servo.speed_limit_rad_s
+        self._period = task.sampling_time_s
+        self._nsim = task.nsim
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """The segment's wheel speeds for every simulation; the estimate is not used."""
+        del estimate
+        # a hair beyond k·T, so that an end at a sample belongs to the next segment
+        i = int(np.searchsorted(self._ends, (k + 1e-9) * self._period, side="right"))
+        wheels = np.tile(self._speeds[i], (self._nsim, 1))
+        never = np.zeros(self._nsim, dtype=np.bool_)
+        return Command(wheels, saturated=never | self._saturated[i], near_singular=never)

@@ -1,0 +1,77 @@
+"""From accelerations of P to wheel speeds: Eq. 27-28 and 8-9, made safe at standstill.
+
+The article inverts v1 = u̇1·cos θ1 − u1·u2·sin θ1, v2 = u̇1·sin θ1 + u1·u2·cos θ1 (Eq. 27-28) for
+(u̇1, u2), which divides by u1, and the robot starts at rest. Over one period T the same map reads:
+the velocity P shall have at the period's end is w = u1·(cos θ1, sin θ1) + T·v; its length is the
+next u1, and turning towards it takes u2 = Δ/T, with Δ the angle from the heading to w. As T → 0 it
+is Eq. 27-28; at standstill it turns the robot on the spot, at the rate the servos can brake. The
+robot never reverses: where w points backward it stops and turns.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, FloatArray, RobotState
+
+NEAR_STANDSTILL_M_S = 0.01  # |u1| below which u2 = (v·n)/u1 would amplify by over 100 s/m
+CUT_RAD_S = 1e-9  # a wish cut by less than this is rounding, not saturation
+
+
+class AccelerationToWheels:
+    """The map from (v1, v2) to wheel speeds, with u1, the commanded speed of P, as its state.
+
+    What the servo cannot do is cut and flagged: turning has priority over driving, and u1 goes on
+    from what was really commanded, so that nothing winds up.
+    """
+
+    def __init__(self, robot: RobotParameters, sampling_time_s: float, nsim: int) -> None:
+        self._radius = robot.tractor.wheel_radius_m
+        self._half_track = robot.half_track_m
+        self._limit = robot.servo.speed_limit_rad_s
+        self._period = sampling_time_s
+        self._reach = robot.servo.acceleration_limit_rad_s2 * sampling_time_s
+        turn_acceleration = robot.servo.acceleration_limit_rad_s2 * self._radius / self._half_track
+        self._braking = 2.0 * turn_acceleration
+        self._wheels: FloatArray = np.zeros((nsim, 2))
+        self._speed: FloatArray = np.zeros(nsim)
+
+    def command(self, acceleration_m_s2: FloatArray, estimate: RobotState) -> Command:
+        """Wheel speeds that give P the acceleration (nsim, 2), world frame, over one period."""
+        heading = estimate.q[:, THETA1]
+        cos, sin = np.cos(heading), np.sin(heading)
+        east, north = acceleration_m_s2[:, 0], acceleration_m_s2[:, 1]
+        # w in the tractor's frame: ahead and to the left
+        ahead = self._speed + self._period * (cos * east + sin * north)
+        left = self._period * (cos * north - sin * east)
+        turn = np.arctan2(left, ahead)
+        angle = np.abs(turn)
+        # no faster than can be stopped where the turn ends; inactive for small turns
+        rate = np.copysign(np.minimum(angle / self._period, np.sqrt(self._braking * angle)), turn)
+        wish = np.stack(
+            [np.maximum(ahead, 0.0) / self._radius, rate * self._half_track / self._radius]
+        )
+        wheels = self._within_limits(wish)
+        difference = np.abs(wheels - _wheels(wish))
+        near_singular = np.minimum(self._speed, ahead) < NEAR_STANDSTILL_M_S
+        self._wheels = wheels
+        self._speed = 0.5 * self._radius * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
+        saturated = np.asarray((difference > CUT_RAD_S).any(axis=1))
+        return Command(wheels, saturated=saturated, near_singular=np.asarray(near_singular))
+
+    def _within_limits(self, wish: FloatArray) -> FloatArray:
+        """(nsim, 2) wheel speeds for (drive, turn), cut to the servo's range and its reach."""
+        turn = np.minimum(np.maximum(wish[1], -self._limit), self._limit)
+        drive = np.minimum(wish[0], self._limit - np.abs(turn))
+        wheels = _wheels(np.stack([drive, turn]))
+        return np.asarray(
+            np.minimum(np.maximum(wheels, self._wheels - self._reach), self._wheels + self._reach)
+        )
+
+
+def _wheels(drive_and_turn: FloatArray) -> FloatArray:
+    """(nsim, 2) right and left wheel speeds for their common and opposite parts (2, nsim)."""
+    drive, turn = drive_and_turn
+    return np.stack([drive + turn, drive - turn], axis=-1)

@@ -1,0 +1,64 @@
+"""The curves a run is judged by: where the trailer is, and how far all is from the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.angles import wrap
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.trajectory import Trajectory
+
+
+def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
+    """The trailer's COM, P − l·(cos θ2, sin θ2).
+
+    Args:
+        q: (..., 4) generalized coordinates (Eq. 2), world frame.
+        robot: its trailer gives l.
+
+    Returns:
+        (..., 2) [m], NaN where θ2 is.
+    """
+    theta2 = q[..., THETA2]
+    direction = np.stack([np.cos(theta2), np.sin(theta2)], axis=-1)
+    return np.asarray(q[..., :2] - robot.trailer.com_offset_m * direction)
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """What follows from a trajectory, row by row; NaN where the reference defines nothing.
+
+    Attributes:
+        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the trailer's COM, true and reference.
+        tractor_error_m: (n, nsim) distance of P from its reference.
+        trailer_error_m: (n, nsim) distance of the trailer's COM from its reference.
+        theta_error_rad: (n, nsim, 2) θ1 and θ2 minus their references, in [−π, π).
+        hitch_angle_rad: (n, nsim) θ2 − θ1.
+    """
+
+    trailer_com_m: FloatArray
+    ref_trailer_com_m: FloatArray
+    tractor_error_m: FloatArray
+    trailer_error_m: FloatArray
+    theta_error_rad: FloatArray
+    hitch_angle_rad: FloatArray
+
+    @classmethod
+    def of(cls, rows: Trajectory, robot: RobotParameters) -> Curves:
+        """The curves of these rows."""
+        com, ref_com = trailer_com(rows.q, robot), trailer_com(rows.ref_q, robot)
+        return cls(
+            trailer_com_m=com,
+            ref_trailer_com_m=ref_com,
+            tractor_error_m=_distance(rows.q[..., :2], rows.ref_q[..., :2]),
+            trailer_error_m=_distance(com, ref_com),
+            theta_error_rad=wrap(rows.q[..., THETA1:] - rows.ref_q[..., THETA1:]),
+            hitch_angle_rad=rows.q[..., THETA2] - rows.q[..., THETA1],
+        )
+
+
+def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]))

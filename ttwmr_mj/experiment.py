@@ -1,0 +1,211 @@
+"""The sampled closed loop: observe, command, record, advance."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from time import perf_counter
+from typing import Literal
+
+import numpy as np
+
+from ttwmr_mj import build
+from ttwmr_mj.controllers.base import Command, Task
+from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.state import BoolArray, RobotState
+from ttwmr_mj.trajectory import Trajectory
+
+PARTS = ("plant", "controller", "loop", "report")
+Status = Literal["ok", "diverged", "failed", "interrupted"]
+ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
+REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How one simulation ended.
+
+    Attributes:
+        status: "ok", "diverged" (the state left all bounds), "failed" (physics or the controller
+            broke), "interrupted" (Ctrl-C).
+        reason: why, in words; empty when ok.
+        time_s: simulated time at the end.
+        cause: the exception behind it, if there is one.
+    """
+
+    status: Status
+    reason: str
+    time_s: float
+    cause: Exception | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """A finished run.
+
+    Attributes:
+        trajectory: one row per control sample, up to the last one that any simulation reached;
+            a simulation's rows after its end repeat nothing and are NaN.
+        outcomes: how each simulation ended.
+        wall_time_s: wall time by part of the loop: "plant", "controller", "report", "total".
+    """
+
+    trajectory: Trajectory
+    outcomes: tuple[Outcome, ...]
+    wall_time_s: dict[str, float]
+
+
+@dataclass(slots=True)
+class _Stopwatch:
+    """Adds up wall time by part."""
+
+    parts: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
+    _last: float = field(default_factory=perf_counter)
+
+    def lap(self, part: str) -> float:
+        """Book the time since the last lap under `part`; returns the time now."""
+        now = perf_counter()
+        self.parts[part] += now - self._last
+        self._last = now
+        return now
+
+
+Report = Callable[[Trajectory], None]
+
+
+class Experiment:
+    """One scenario made ready to run: reference, plant and controller.
+
+    Attributes:
+        scenario: what to run.
+        nsim: simulations in the batch; they differ by their sensor noise only.
+        reference: the sampled reference, or None.
+        plant: the plant, reset at every run.
+    """
+
+    def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
+        self.scenario = scenario
+        self.nsim = nsim
+        self.reference: ReferencePath | None = build.sample_reference(scenario)
+        self.plant: Plant = build.make_plant(scenario, nsim)
+        self._controller = build.make_controller(scenario, folder or Path())
+
+    def run(self, report: Report | None = None) -> Result:
+        """Run from the initial state to the end, or to where it breaks.
+
+        Args:
+            report: called with the rows that are new, at most every REPORT_EVERY_S of wall time,
+                and once with the last ones.
+        """
+        scenario, plant, nsim = self.scenario, self.plant, self.nsim
+        period = scenario.control.sampling_time_s
+        steps = scenario.steps_per_period
+        rng = build.generators(scenario.seed, ("sensor", "controller"))
+        sensor = build.make_sensor(scenario, nsim, rng["sensor"])
+        plant.reset(build.initial_state(scenario, self.reference, nsim))
+        self._controller.start(
+            Task(scenario.robot, self.reference, period, nsim, rng["controller"])
+        )
+        rows = self._blank_rows()
+        ends: dict[int, Outcome] = {}
+        done, reported = 0, 0
+        watch = _Stopwatch()
+        last_report = perf_counter()
+        try:
+            for k in range(scenario.periods + 1):
+                truth = plant.state()
+                rows.q[k], rows.q_rate[k] = truth.q, truth.q_rate
+                rows.wheel_speed_rad_s[k] = plant.wheel_speed_rad_s()
+                rows.joint_positions[k] = plant.joint_positions()
+                rows.contact_readings[k] = plant.contact_readings()
+                done = k + 1
+                broken = _broken(truth, plant)
+                if broken.any():
+                    _end(ends, broken, truth, k * period)
+                    if len(ends) == nsim:
+                        break
+                watch.lap("loop")
+                estimate = sensor.observe(truth)
+                try:
+                    command = self._controller.command(k, estimate)
+                    _check(command, nsim)
+                except Exception as error:  # a controller of the user's may raise anything
+                    reason = f"the controller raised {type(error).__name__}: {error}"
+                    _end_all(ends, nsim, Outcome("failed", reason, k * period, error))
+                    break
+                watch.lap("controller")
+                rows.est_q[k], rows.est_q_rate[k] = estimate.state.q, estimate.state.q_rate
+                rows.measurement_age_s[k] = estimate.age_s
+                rows.labels_found[k] = estimate.labels_found
+                rows.wheel_command_rad_s[k] = command.wheel_speed_rad_s
+                rows.saturated[k], rows.near_singular[k] = command.saturated, command.near_singular
+                watch.lap("loop")
+                if k < scenario.periods:
+                    plant.advance(command.wheel_speed_rad_s, steps)
+                now = watch.lap("plant")
+                if report and now - last_report > REPORT_EVERY_S:
+                    report(rows.rows(reported, done))
+                    reported, last_report = done, watch.lap("report")
+        except KeyboardInterrupt:
+            reason = "stopped by the user"
+            _end_all(ends, nsim, Outcome("interrupted", reason, max(done - 1, 0) * period))
+        watch.lap("loop")
+        if report:
+            report(rows.rows(reported, done))
+        watch.lap("report")
+        _end_all(ends, nsim, Outcome("ok", "", scenario.periods * period))
+        trajectory = rows.rows(0, done)
+        return Result(
+            trajectory=trajectory,
+            outcomes=tuple(ends[i] for i in range(nsim)),
+            wall_time_s={**watch.parts, "total": sum(watch.parts.values())},
+        )
+
+    def _blank_rows(self) -> Trajectory:
+        """Rows for the whole run with times and reference filled in."""
+        count = self.scenario.periods + 1
+        time_s = self.scenario.control.sampling_time_s * np.arange(count, dtype=np.float64)
+        nq = self.plant.joint_positions().shape[-1]
+        ncontact = self.plant.contact_readings().shape[1]
+        rows = Trajectory.empty(time_s, self.nsim, nq, ncontact)
+        if self.reference is not None:
+            rows.ref_q[:] = self.reference.q[:count]
+            rows.ref_q_rate[:] = self.reference.q_rate[:count]
+        return rows
+
+
+def _broken(truth: RobotState, plant: Plant) -> BoolArray:
+    """(nsim,) simulations that left all bounds (a NaN is no bound kept) or whose physics failed."""
+    inside = np.abs(truth.q).max(axis=1) <= ESCAPE
+    return np.asarray(~inside | plant.failed())
+
+
+def _end(ends: dict[int, Outcome], broken: BoolArray, truth: RobotState, time_s: float) -> None:
+    """Note how newly broken simulations ended."""
+    for i in map(int, np.flatnonzero(broken)):
+        if i in ends:
+            continue
+        if np.isfinite(truth.q[i]).all() and np.abs(truth.q[i]).max() > ESCAPE:
+            reason = f"the state left all bounds: |q| = {np.abs(truth.q[i]).max():.3g}"
+            ends[i] = Outcome("diverged", reason, time_s)
+        else:
+            reason = "the physics broke: a state is not finite, or MuJoCo warned"
+            ends[i] = Outcome("failed", reason, time_s)
+
+
+def _end_all(ends: dict[int, Outcome], nsim: int, outcome: Outcome) -> None:
+    """The same end for every simulation that has none yet."""
+    for i in range(nsim):
+        ends.setdefault(i, outcome)
+
+
+def _check(command: Command, nsim: int) -> None:
+    """A controller's answer must be finite wheel speeds of the right shape."""
+    wheels = command.wheel_speed_rad_s
+    if np.shape(wheels) != (nsim, 2):
+        raise ValueError(f"wheel speeds have shape {np.shape(wheels)}, allowed: ({nsim}, 2)")
+    if not np.isfinite(wheels).all():
+        raise ValueError(f"wheel speeds are not finite: {wheels.tolist()}")

@@ -1,0 +1,82 @@
+"""What the controller is told: an estimate with its age and validity."""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ttwmr_mj.scenario import TruthSensing
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The state as the controller knows it.
+
+    Attributes:
+        state: estimated q and rates, (nsim, 4) each.
+        age_s: (nsim,) time since the state it describes.
+        valid: (nsim,) False while the sensor is blind.
+        labels_found: (nsim,) labels the camera found; NaN without a camera.
+    """
+
+    state: RobotState
+    age_s: FloatArray
+    valid: BoolArray
+    labels_found: FloatArray
+
+
+class Sensor(Protocol):
+    """Turns the plant's truth into what the controller sees, once per control period."""
+
+    def observe(self, truth: RobotState) -> Estimate:
+        """Take this sample's measurement and return the one that has arrived by now."""
+        ...
+
+
+class LatencyQueue:
+    """Delays estimates by whole control periods; before the first arrives, the oldest stands in."""
+
+    def __init__(self, latency_s: float, period_s: float) -> None:
+        self._delay = round(latency_s / period_s)
+        self._period_s = period_s
+        self._waiting: deque[Estimate] = deque()
+
+    def exchange(self, fresh: Estimate) -> Estimate:
+        """Put in this period's estimate, take out the one that is due, with its age set."""
+        if self._delay == 0:
+            return fresh
+        self._waiting.append(fresh)
+        due, age = self._waiting[0], len(self._waiting) - 1
+        if age == self._delay:
+            self._waiting.popleft()
+        return replace(due, age_s=due.age_s + age * self._period_s)
+
+
+class TruthSensor:
+    """The true state plus white Gaussian noise, through the latency queue."""
+
+    def __init__(
+        self, options: TruthSensing, period_s: float, nsim: int, rng: np.random.Generator
+    ) -> None:
+        self._queue = LatencyQueue(options.latency_s, period_s)
+        self._rng = rng
+        position, angle = options.position_noise_m, options.angle_noise_rad
+        velocity, rate = options.velocity_noise_m_s, options.rate_noise_rad_s
+        self._noise = np.array(
+            [[position, position, angle, angle], [velocity, velocity, rate, rate]]
+        )
+        self._noisy = bool(self._noise.any())
+        self._fresh = np.zeros(nsim)
+        self._valid = np.ones(nsim, dtype=np.bool_)
+        self._no_labels = np.full(nsim, np.nan)
+
+    def observe(self, truth: RobotState) -> Estimate:
+        """Measure the true state; every simulation has its own noise."""
+        if self._noisy:
+            noise = self._rng.standard_normal((truth.nsim, 2, 4)) * self._noise
+            truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
+        return self._queue.exchange(Estimate(truth, self._fresh, self._valid, self._no_labels))
