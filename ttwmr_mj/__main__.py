@@ -1,0 +1,7 @@
+"""`python -m ttwmr_mj` is the `ttwmr` command."""
+
+import sys
+
+from ttwmr_mj.cli import main
+
+sys.exit(main())

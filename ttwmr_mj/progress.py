@@ -1,0 +1,28 @@
+"""A progress bar with time left, on terminals only."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def progress_bar(
+    name: str, total: float, unit: str, quiet: bool = False
+) -> Iterator[Callable[[float], None] | None]:
+    """Show progress on stderr while the context lasts; yields a function of the amount done."""
+    if quiet:
+        yield None
+        return
+    from tqdm import tqdm
+
+    # disable=None: silent where stderr is no terminal
+    with tqdm(total=total, desc=name, unit=unit, disable=None, bar_format=_FORMAT) as bar:
+
+        def done(amount: float) -> None:
+            bar.update(amount - bar.n)
+
+        yield done
+
+
+_FORMAT = "{desc} {percentage:3.0f}% |{bar:30}| {n:.0f}/{total:.0f} {unit}, {remaining} left"

@@ -1,0 +1,180 @@
+"""One run from scenario to run folder: what `ttwmr run` does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+from ttwmr_mj.experiment import Experiment, Outcome, Result
+from ttwmr_mj.metrics import Metrics, score
+from ttwmr_mj.run_folder import write_json, write_manifest, write_resolved
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.trajectory import Trajectory, write_parquet
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """What a run left behind.
+
+    Attributes:
+        folder: the run folder.
+        outcome: how it ended.
+        metrics: as in metrics.json.
+        wall_time_s: by part: "setup", "plant", "controller", "loop", "recording", "files",
+            "figures".
+    """
+
+    folder: Path
+    outcome: Outcome
+    metrics: dict[str, Any]
+    wall_time_s: dict[str, float]
+
+
+def run_scenario(
+    scenario: Scenario,
+    folder: Path,
+    *,
+    scenario_folder: Path | None = None,
+    command_line: list[str] | None = None,
+    progress: Progress | None = None,
+) -> Run:
+    """Run a scenario and write its run folder.
+
+    Args:
+        scenario: what to run.
+        folder: an existing folder for the files.
+        scenario_folder: where a custom controller is looked for first.
+        command_line: for the manifest.
+        progress: called now and then with the simulated time [s].
+
+    Raises:
+        InputError: the scenario cannot be built.
+    """
+    started = perf_counter()
+    experiment = Experiment(scenario, scenario_folder)
+    write_resolved(folder, scenario)
+    write_manifest(folder, scenario, command_line or [])
+    setup_s = perf_counter() - started
+    recording_s = perf_counter()
+    if scenario.output.recording:
+        result = _recorded(experiment, folder, progress)
+    else:
+        result = experiment.run(_reporter(None, progress))
+    recording_s = perf_counter() - recording_s - result.wall_time_s["total"]
+    recording_s += result.wall_time_s["report"]
+    mark = perf_counter()
+    metrics = metrics_of(result, scenario, mark - started)
+    write_json(folder / "metrics.json", metrics)
+    write_parquet(result.trajectory, folder / "trajectory.parquet")
+    files_s = perf_counter() - mark
+    mark = perf_counter()
+    if scenario.output.figures and len(result.trajectory) > 1:
+        from ttwmr_mj.figures import write_run_figures
+
+        write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
+    parts = {part: result.wall_time_s[part] for part in ("plant", "controller", "loop")}
+    shares = {"setup": setup_s, **parts, "recording": recording_s, "files": files_s}
+    shares["figures"] = perf_counter() - mark
+    return Run(folder, result.outcomes[0], metrics, shares)
+
+
+def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
+    """metrics.json: status first, then the numbers."""
+    outcome = result.outcomes[0]
+    numbers: Metrics = score(result.trajectory, scenario.robot)
+    return {
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "end_time_s": outcome.time_s,
+        **numbers,
+        "wall_time_s": wall_time_s,
+        "real_time_factor": outcome.time_s / wall_time_s,
+    }
+
+
+def _reporter(recorder: Any, progress: Progress | None) -> Callable[[Trajectory], None]:
+    def report(rows: Trajectory) -> None:
+        if recorder is not None:
+            recorder.append(rows)
+        if progress is not None and len(rows):
+            progress(float(rows.time_s[-1]))
+
+    return report
+
+
+def _recorded(experiment: Experiment, folder: Path, progress: Progress | None) -> Result:
+    """Run with a recorder open; the recording is readable whatever happens."""
+    from ttwmr_mj.recording import RunRecorder
+
+    scenario = experiment.scenario
+    with RunRecorder(
+        folder / "run.rrd",
+        model=_drawable_model(experiment),
+        robot=scenario.robot,
+        reference=experiment.reference,
+        name=scenario.name,
+        summary_markdown=summary(scenario),
+    ) as recorder:
+        result = experiment.run(_reporter(recorder, progress))
+        recorder.finish(result_text(metrics_of(result, scenario, result.wall_time_s["total"])))
+    return result
+
+
+def _drawable_model(experiment: Experiment) -> Any:
+    """The MjModel to draw: the plant's own, or one of the same robot for the analytic plant."""
+    if hasattr(experiment.plant, "model"):
+        return experiment.plant.model
+    from ttwmr_mj.plants.mjcf import build_model
+
+    return build_model(experiment.scenario.robot, experiment.scenario.plant.contact)
+
+
+def summary(scenario: Scenario) -> str:
+    """What was asked, for the recording's text panel."""
+    start, plant = scenario.initial, scenario.plant
+    rows = {
+        "plant": plant.kind,
+        "controller": scenario.controller.kind,
+        "reference": scenario.reference.kind,
+        "start": start.kind,
+        "servo": scenario.robot.servo.preset,
+        "control period": f"{scenario.control.sampling_time_s * 1e3:g} ms",
+        "duration": f"{scenario.duration_s:g} s",
+        "seed": str(scenario.seed),
+    }
+    table = "\n".join(f"| {key} | {value} |" for key, value in rows.items())
+    return f"# {scenario.name}\n\n{scenario.description}\n\n| | |\n|---|---|\n{table}\n"
+
+
+RESULT_ROWS = (
+    ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
+    ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
+    ("tractor_final_error_m", "P, final error", 1e3, "mm"),
+    ("steady_trailer_rmse_m", "trailer COM, rms error, 2nd half", 1e3, "mm"),
+    ("steady_theta1_rmse_rad", "θ1, rms error, 2nd half", 1e3, "mrad"),
+    ("steady_theta2_rmse_rad", "θ2, rms error, 2nd half", 1e3, "mrad"),
+    ("settling_time_s", "settled (1 cm) after", 1.0, "s"),
+    ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
+    ("saturated_share", "saturated samples", 100.0, "%"),
+    ("near_singular_share", "near-singular samples", 100.0, "%"),
+)
+
+
+def in_unit(value: float | None, scale: float, unit: str) -> str:
+    """A metric for reading: three digits and its unit, or the word undefined."""
+    return "undefined" if value is None else f"{value * scale:.3g} {unit}"
+
+
+def result_text(metrics: dict[str, Any]) -> str:
+    """How it ended, for the recording's text panel."""
+    status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
+    lines = [
+        f"| {label} | {in_unit(metrics[key], scale, unit)} |"
+        for key, label, scale, unit in RESULT_ROWS
+    ]
+    return f"**{status}**\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"

@@ -1,0 +1,109 @@
+"""The files of a run: every one appears whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import platform
+import shutil
+import subprocess
+from datetime import UTC, datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario_file import dump_scenario
+
+SCHEMA_VERSION = 1
+LIBRARIES = ("mujoco", "numpy", "rerun-sdk", "opencv-python-headless", "pydantic", "pyarrow")
+
+
+def open_run_folder(scenario: Scenario, out: Path | None, force: bool) -> Path:
+    """Make the folder of a run.
+
+    Args:
+        scenario: names the default folder, results/<scenario>/<UTC time>-<seed>.
+        out: another folder; it must be empty or absent.
+        force: use `out` although it holds something; files of the same name are replaced.
+
+    Raises:
+        InputError: the folder holds something, or cannot be made.
+    """
+    if out is None:
+        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3] + "Z"
+        out = Path("results") / scenario.name / f"{stamp}-{scenario.seed}"
+    try:
+        if not force and out.is_dir() and any(out.iterdir()):
+            raise InputError(
+                f"--out {out}: the folder is not empty; give another one, or --force to write "
+                "into it"
+            )
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot make the folder: {error}") from error
+    return out
+
+
+def write_text(path: Path, text: str) -> None:
+    """Write a text file under a temporary name, then rename it."""
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_text(text, encoding="utf-8")
+    temporary.replace(path)
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write JSON; a NaN or infinity in it is a mistake here and raises ValueError."""
+    write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+
+
+def write_resolved(folder: Path, scenario: Scenario) -> None:
+    """scenario.resolved.toml: every value that was used."""
+    head = "# Every value that was used, defaults included. Runs as it is.\n\n"
+    write_text(folder / "scenario.resolved.toml", head + dump_scenario(scenario))
+
+
+def write_manifest(folder: Path, scenario: Scenario, command_line: list[str]) -> None:
+    """manifest.json: what produced this folder, and on what."""
+    manifest = {
+        "schema_version": SCHEMA_VERSION,
+        "scenario": scenario.name,
+        "seed": scenario.seed,
+        "plant": scenario.plant.kind,
+        "command_line": command_line,
+        "created_utc": datetime.now(UTC).isoformat(timespec="seconds"),
+        "ttwmr_mj": version("ttwmr-mj"),
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "libraries": {name: library_version(name) for name in LIBRARIES},
+        "gl_backend": None,  # nothing was rendered
+        "git_commit": git_commit(Path(__file__).resolve().parent),
+    }
+    write_json(folder / "manifest.json", manifest)
+
+
+def library_version(name: str) -> str | None:
+    """Installed version of a distribution, or None."""
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def git_commit(folder: Path) -> str | None:
+    """Commit of the checkout this code runs from, "-dirty" if changed; None outside one."""
+    git = shutil.which("git")
+    if git is None or not (folder.parent / ".git").exists():
+        return None
+
+    def ask(*words: str) -> str:
+        done = subprocess.run(
+            [git, "-C", str(folder), *words], capture_output=True, text=True, timeout=10, check=True
+        )
+        return done.stdout.strip()
+
+    try:
+        commit = ask("rev-parse", "HEAD")
+        return commit + ("-dirty" if ask("status", "--porcelain", "-uno") else "")
+    except (subprocess.SubprocessError, OSError):
+        return None
