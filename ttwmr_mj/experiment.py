@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 from typing import Literal
@@ -16,9 +16,9 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.scenario import Scenario
 from ttwmr_mj.state import BoolArray, RobotState
+from ttwmr_mj.stopwatch import Stopwatch
 from ttwmr_mj.trajectory import Trajectory
 
-PARTS = ("plant", "controller", "loop", "report")
 Status = Literal["ok", "diverged", "failed", "interrupted"]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
@@ -50,27 +50,13 @@ class Result:
         trajectory: one row per control sample, up to the last one that any simulation reached;
             a simulation's rows after its end repeat nothing and are NaN.
         outcomes: how each simulation ended.
-        wall_time_s: wall time by part of the loop: "plant", "controller", "report", "total".
+        wall_time_s: wall time by part of the loop: "plant", "controller" (with sensing), "loop"
+            (bookkeeping), "report".
     """
 
     trajectory: Trajectory
     outcomes: tuple[Outcome, ...]
     wall_time_s: dict[str, float]
-
-
-@dataclass(slots=True)
-class _Stopwatch:
-    """Adds up wall time by part."""
-
-    parts: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PARTS, 0.0))
-    _last: float = field(default_factory=perf_counter)
-
-    def lap(self, part: str) -> float:
-        """Book the time since the last lap under `part`; returns the time now."""
-        now = perf_counter()
-        self.parts[part] += now - self._last
-        self._last = now
-        return now
 
 
 Report = Callable[[Trajectory], None]
@@ -112,7 +98,7 @@ class Experiment:
         rows = self._blank_rows()
         ends: dict[int, Outcome] = {}
         done, reported = 0, 0
-        watch = _Stopwatch()
+        watch = Stopwatch()
         last_report = perf_counter()
         try:
             for k in range(scenario.periods + 1):
@@ -161,7 +147,7 @@ class Experiment:
         return Result(
             trajectory=trajectory,
             outcomes=tuple(ends[i] for i in range(nsim)),
-            wall_time_s={**watch.parts, "total": sum(watch.parts.values())},
+            wall_time_s=dict(watch.parts),
         )
 
     def _blank_rows(self) -> Trajectory:

@@ -116,7 +116,7 @@ def _integral(values: FloatArray, time: FloatArray) -> float | None:
     defined = np.isfinite(values)
     if not defined.any():
         return None
-    return _value(np.trapezoid(values[defined], time[defined]))
+    return _value(float(np.trapezoid(values[defined], time[defined])))
 
 
 def _settling_time(error: FloatArray, time: FloatArray) -> float | None:

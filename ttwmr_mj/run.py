@@ -5,15 +5,19 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from time import perf_counter
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.experiment import Experiment, Outcome, Result
 from ttwmr_mj.metrics import Metrics, score
 from ttwmr_mj.run_folder import write_json, write_manifest, write_resolved
 from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.trajectory import Trajectory, write_parquet
+from ttwmr_mj.stopwatch import Stopwatch
+from ttwmr_mj.trajectory import Trajectory, physics_rate_table, to_table, write_parquet
 
+if TYPE_CHECKING:
+    from ttwmr_mj.plants.contact import ContactPlant
+
+PHYSICS_FILE = "physics.parquet"
 Progress = Callable[[float], None]
 
 
@@ -55,32 +59,48 @@ def run_scenario(
     Raises:
         InputError: the scenario cannot be built.
     """
-    started = perf_counter()
+    watch = Stopwatch()
     experiment = Experiment(scenario, scenario_folder)
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
-    setup_s = perf_counter() - started
-    recording_s = perf_counter()
+    contact = _physics_rate_plant(experiment)
+    if contact:
+        contact.keep_physics_rate()
+    watch.lap("setup")
     if scenario.output.recording:
         result = _recorded(experiment, folder, progress)
     else:
         result = experiment.run(_reporter(None, progress))
-    recording_s = perf_counter() - recording_s - result.wall_time_s["total"]
-    recording_s += result.wall_time_s["report"]
-    mark = perf_counter()
-    metrics = metrics_of(result, scenario, mark - started)
+    watch.lap("recording")
+    shares = _shares(watch, result)
+    metrics = metrics_of(result, scenario, sum(shares.values()))
     write_json(folder / "metrics.json", metrics)
-    write_parquet(result.trajectory, folder / "trajectory.parquet")
-    files_s = perf_counter() - mark
-    mark = perf_counter()
+    write_parquet(to_table(result.trajectory), folder / "trajectory.parquet")
+    if contact:
+        write_parquet(physics_rate_table(*contact.physics_rate_states()), folder / PHYSICS_FILE)
+    watch.lap("files")
     if scenario.output.figures and len(result.trajectory) > 1:
         from ttwmr_mj.figures import write_run_figures
 
         write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
-    parts = {part: result.wall_time_s[part] for part in ("plant", "controller", "loop")}
-    shares = {"setup": setup_s, **parts, "recording": recording_s, "files": files_s}
-    shares["figures"] = perf_counter() - mark
-    return Run(folder, result.outcomes[0], metrics, shares)
+    watch.lap("figures")
+    return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares})
+
+
+def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
+    """The plant, if its every step is wanted; the loader refuses the wish on the analytic one."""
+    if not experiment.scenario.output.physics_rate:
+        return None
+    from ttwmr_mj.plants.contact import ContactPlant
+
+    return experiment.plant if isinstance(experiment.plant, ContactPlant) else None
+
+
+def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
+    """Wall time up to now by part; what the loop did not take of "recording" is recording."""
+    loop = {part: result.wall_time_s[part] for part in ("plant", "controller", "loop")}
+    recording_s = watch.parts["recording"] - sum(loop.values())
+    return {"setup": watch.parts["setup"], **loop, "recording": recording_s}
 
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
@@ -121,7 +141,8 @@ def _recorded(experiment: Experiment, folder: Path, progress: Progress | None) -
         summary_markdown=summary(scenario),
     ) as recorder:
         result = experiment.run(_reporter(recorder, progress))
-        recorder.finish(result_text(metrics_of(result, scenario, result.wall_time_s["total"])))
+        wall_time_s = sum(result.wall_time_s.values())
+        recorder.finish(result_text(metrics_of(result, scenario, wall_time_s)))
     return result
 
 

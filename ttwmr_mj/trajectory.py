@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -129,17 +129,36 @@ def to_table(trajectory: Trajectory) -> pa.Table:
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
 
-def write_parquet(trajectory: Trajectory, path: Path) -> None:
-    """Write the first simulation; the file appears whole or not at all."""
+def physics_rate_table(
+    time_s: FloatArray, state: RobotState, wheel_speed_rad_s: FloatArray
+) -> pa.Table:
+    """The first simulation's state at every physics step, with the same column names.
+
+    Args:
+        time_s: (n,) times.
+        state: q and rates (nsim, n, 4).
+        wheel_speed_rad_s: (nsim, n, 2).
+    """
+    import pyarrow as pa
+
+    columns = {"time_s": time_s}
+    columns |= {name: state.q[0, :, i] for i, name in enumerate(Q_NAMES)}
+    columns |= {name: state.q_rate[0, :, i] for i, name in enumerate(RATE_NAMES)}
+    columns |= {n + "_rad_s": wheel_speed_rad_s[0, :, i] for i, n in enumerate(WHEEL_NAMES)}
+    return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+
+
+def write_parquet(table: pa.Table, path: Path) -> None:
+    """Write a table; the file appears whole or not at all."""
     import pyarrow.parquet as pq
 
     temporary = path.with_name(path.name + ".part")
-    pq.write_table(to_table(trajectory), temporary)
+    pq.write_table(table, temporary)
     temporary.replace(path)
 
 
 def read_parquet(path: Path) -> Trajectory:
-    """Read what `write_parquet` wrote, as a batch of one.
+    """Read a trajectory.parquet, as a batch of one.
 
     Raises:
         InputError: the file is missing, is no Parquet file, or lacks a column.

@@ -17,6 +17,7 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, RobotState
 
 NEAR_STANDSTILL_M_S = 0.01  # |u1| below which u2 = (v·n)/u1 would amplify by over 100 s/m
+MIX = np.array([[1.0, 1.0], [1.0, -1.0]])  # (drive, turn) @ MIX = (right, left)
 CUT_RAD_S = 1e-9  # a wish cut by less than this is rounding, not saturation
 
 
@@ -49,29 +50,23 @@ class AccelerationToWheels:
         turn = np.arctan2(left, ahead)
         angle = np.abs(turn)
         # no faster than can be stopped where the turn ends; inactive for small turns
-        rate = np.copysign(np.minimum(angle / self._period, np.sqrt(self._braking * angle)), turn)
-        wish = np.stack(
-            [np.maximum(ahead, 0.0) / self._radius, rate * self._half_track / self._radius]
-        )
+        rate = np.minimum(angle / self._period, np.sqrt(self._braking * angle))
+        # drive by what of w will lie ahead once this period's turn is made: all of it, mostly
+        forward = np.hypot(ahead, left) * np.maximum(np.cos(angle - rate * self._period), 0.0)
+        wish = np.empty_like(self._wheels)
+        wish[:, 0] = forward / self._radius
+        wish[:, 1] = np.copysign(rate, turn) * (self._half_track / self._radius)
         wheels = self._within_limits(wish)
-        difference = np.abs(wheels - _wheels(wish))
         near_singular = np.minimum(self._speed, ahead) < NEAR_STANDSTILL_M_S
+        saturated = np.abs(wheels - wish @ MIX).max(axis=1) > CUT_RAD_S
         self._wheels = wheels
-        self._speed = 0.5 * self._radius * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
-        saturated = np.asarray((difference > CUT_RAD_S).any(axis=1))
+        self._speed = (0.5 * self._radius) * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
         return Command(wheels, saturated=saturated, near_singular=np.asarray(near_singular))
 
     def _within_limits(self, wish: FloatArray) -> FloatArray:
-        """(nsim, 2) wheel speeds for (drive, turn), cut to the servo's range and its reach."""
-        turn = np.minimum(np.maximum(wish[1], -self._limit), self._limit)
-        drive = np.minimum(wish[0], self._limit - np.abs(turn))
-        wheels = _wheels(np.stack([drive, turn]))
-        return np.asarray(
-            np.minimum(np.maximum(wheels, self._wheels - self._reach), self._wheels + self._reach)
-        )
-
-
-def _wheels(drive_and_turn: FloatArray) -> FloatArray:
-    """(nsim, 2) right and left wheel speeds for their common and opposite parts (2, nsim)."""
-    drive, turn = drive_and_turn
-    return np.stack([drive + turn, drive - turn], axis=-1)
+        """(nsim, 2) wheel speeds for a wish (drive, turn), cut to the servo's range and reach."""
+        allowed = np.empty_like(wish)
+        allowed[:, 1] = np.minimum(np.maximum(wish[:, 1], -self._limit), self._limit)
+        allowed[:, 0] = np.minimum(wish[:, 0], self._limit - np.abs(allowed[:, 1]))
+        low, high = self._wheels - self._reach, self._wheels + self._reach
+        return np.asarray(np.minimum(np.maximum(allowed @ MIX, low), high))

@@ -63,7 +63,7 @@ def acceleration_from_twist(
 
 
 def z_from_q(q: FloatArray, q_rate: FloatArray) -> FloatArray:
-    """State z (..., 6) (Eq. 25) of q and q_rate (..., 4); of θ1 only the velocity's line is left."""
+    """State z (..., 6) (Eq. 25) of q and q_rate (..., 4); of θ1, the velocity's line stays."""
     return np.stack(
         [q[..., 0], q_rate[..., 0], q[..., 1], q_rate[..., 1], q[..., THETA2], q_rate[..., THETA2]],
         axis=-1,

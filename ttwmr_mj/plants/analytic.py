@@ -108,6 +108,14 @@ class AnalyticPlant:
         """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
         return self._wheels.copy()
 
+    def joint_positions(self) -> FloatArray:
+        """(nsim, 0): the model has no joints."""
+        return np.empty((self.nsim, 0))
+
+    def contact_readings(self) -> FloatArray:
+        """(nsim, 0, 15): the model has no contacts."""
+        return np.empty((self.nsim, 0, 15))
+
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
         sums = self._x + self._y + self._theta1 + self._hitch + self._hitch_rate

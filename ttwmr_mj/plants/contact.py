@@ -64,8 +64,11 @@ class ContactPlant:
         self._contact_columns = _contact_columns(self.model)
         self._settled_qpos = self._settle()
         self._theta1: FloatArray = np.zeros(nsim)
+        self._first_theta1 = self._theta1
         self._setpoint: FloatArray = np.zeros((nsim, 2))
         self._time: FloatArray = np.zeros(0)
+        self._record: tuple[str, ...] = ()
+        self._passed: list[tuple[FloatArray, FloatArray]] = []
 
     def _settle(self) -> FloatArray:
         """(nq,) generalized positions of the robot standing still in its contacts at the origin."""
@@ -93,7 +96,8 @@ class ContactPlant:
         self._qvel[:, self._hitch_qvel] = initial.q_rate[:, THETA2] - initial.q_rate[:, THETA1]
         self._setpoint = self._rolling_speed(initial)
         self._qvel[:, self._wheel_qvel] = self._setpoint
-        self._theta1 = np.array(initial.q[:, THETA1])
+        self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
+        self._passed.clear()
         self._batch.forward()
 
     def _rolling_speed(self, initial: RobotState) -> FloatArray:
@@ -106,19 +110,24 @@ class ContactPlant:
 
     def state(self) -> RobotState:
         """Pose and velocity of P and of both halves, read from the joints."""
-        free, speed = self._free_qpos, self._free_qvel
-        q, q_rate = np.empty((self.nsim, 4)), np.empty((self.nsim, 4))
-        # the quaternion's twist about the vertical; a flat robot's tilt does not enter
-        yaw = 2.0 * np.arctan2(self._qpos[:, free + 6], self._qpos[:, free + 3])
-        self._theta1 = unwrap_near(yaw, self._theta1)
-        q[:, :2] = self._qpos[:, free : free + 2]
-        q[:, THETA1] = self._theta1
-        q[:, THETA2] = self._theta1 + self._qpos[:, self._hitch_qpos]
-        q_rate[:, :2] = self._qvel[:, speed : speed + 2]
-        yaw_rate = self._qvel[:, speed + 5]
-        q_rate[:, THETA1] = yaw_rate
-        q_rate[:, THETA2] = yaw_rate + self._qvel[:, self._hitch_qvel]
+        q, q_rate = self._planar(self._qpos, self._qvel)
+        theta1 = unwrap_near(q[:, THETA1], self._theta1)
+        q[:, THETA2] += theta1 - q[:, THETA1]
+        q[:, THETA1] = self._theta1 = theta1
         return RobotState(q=q, q_rate=q_rate)
+
+    def _planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """q and its rate (..., 4) from joint coordinates (..., nq) and (..., nv); θ1 wrapped."""
+        free, speed = self._free_qpos, self._free_qvel
+        q, q_rate = np.empty((*qpos.shape[:-1], 4)), np.empty((*qpos.shape[:-1], 4))
+        q[..., :2] = qpos[..., free : free + 2]
+        # the quaternion's twist about the vertical; a flat robot's tilt does not enter
+        q[..., THETA1] = 2.0 * np.arctan2(qpos[..., free + 6], qpos[..., free + 3])
+        q[..., THETA2] = q[..., THETA1] + qpos[..., self._hitch_qpos]
+        q_rate[..., :2] = qvel[..., speed : speed + 2]
+        q_rate[..., THETA1] = qvel[..., speed + 5]
+        q_rate[..., THETA2] = qvel[..., speed + 5] + qvel[..., self._hitch_qvel]
+        return q, q_rate
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
@@ -135,10 +144,26 @@ class ContactPlant:
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Let the servos ramp to the command and hold it, for a number of physics steps."""
         if self._time.size != steps:
-            self._time = self.time_step_s * np.arange(1, steps + 1)
+            self._time = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
         control = ramp(self._setpoint, wheel_command_rad_s, self._robot.servo, self._time)
-        self._batch.rollout(steps, control, record=())
+        passed = self._batch.rollout(steps, control, record=self._record)
+        if passed:
+            self._passed.append((passed["qpos"], passed["qvel"]))
         self._setpoint = control[:, -1]
+
+    def keep_physics_rate(self) -> None:
+        """From now on, keep the state after every physics step, for `physics_rate_states`."""
+        self._record = ("qpos", "qvel")
+
+    def physics_rate_states(self) -> tuple[FloatArray, RobotState, FloatArray]:
+        """Times (n,), q and rates (nsim, n, 4), wheel speeds (nsim, n, 2) of all kept steps."""
+        qpos, qvel = (np.concatenate(parts, axis=1) for parts in zip(*self._passed, strict=True))
+        q, q_rate = self._planar(qpos, qvel)
+        wrapped = np.concatenate([self._first_theta1[:, None], q[..., THETA1]], axis=1)
+        turns = np.unwrap(wrapped, axis=1)[:, 1:] - q[..., THETA1]
+        q[..., THETA1:] += turns[..., None]
+        time_s = self.time_step_s * np.arange(1, q.shape[1] + 1, dtype=np.float64)
+        return time_s, RobotState(q=q, q_rate=q_rate), qvel[..., self._wheel_qvel]
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations in which MuJoCo warned, as it does of states that are not finite."""

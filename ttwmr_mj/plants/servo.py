@@ -10,7 +10,8 @@ from ttwmr_mj.state import FloatArray
 
 def limit_speed(command_rad_s: FloatArray, servo: Servo) -> FloatArray:
     """The command clipped to the servo's speed range, any shape [rad/s]."""
-    return np.clip(command_rad_s, -servo.speed_limit_rad_s, servo.speed_limit_rad_s)
+    limit = servo.speed_limit_rad_s
+    return np.minimum(np.maximum(command_rad_s, -limit), limit)
 
 
 def ramp(
@@ -27,6 +28,6 @@ def ramp(
     Returns:
         (nsim, n, 2) setpoints [rad/s].
     """
-    change = limit_speed(command_rad_s, servo) - start_rad_s
-    reach = (servo.acceleration_limit_rad_s2 * time_s)[None, :, None]
-    return start_rad_s[:, None, :] + np.clip(change[:, None, :], -reach, reach)
+    change = (limit_speed(command_rad_s, servo) - start_rad_s)[:, None, :]
+    reach = (servo.acceleration_limit_rad_s2 * time_s)[:, None]
+    return start_rad_s[:, None, :] + np.minimum(np.maximum(change, -reach), reach)
