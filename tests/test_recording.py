@@ -14,6 +14,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+import pyarrow as pa
 import pytest
 
 from ttwmr_mj.curves import Curves, trailer_com
@@ -31,7 +32,6 @@ from ttwmr_mj.trajectory import Trajectory
 ROBOT = RobotParameters()
 PERIOD_S = 0.033
 BODIES = ("tractor", "wheel_right", "wheel_left", "caster_tractor", "trailer")
-ROW_ID = "rerun.controls.RowId"
 FLOAT32_M = 1e-6  # rerun stores positions in single precision
 
 
@@ -115,7 +115,7 @@ class Recording:
             times: list[int | None] = [None] * batch.num_rows
             if "sim_time" in batch.schema.names:
                 times = batch.column("sim_time").cast("int64").to_pylist()
-            self.timelines |= {n for n in batch.schema.names if ":" not in n and n != ROW_ID}
+            self.timelines |= {f.name for f in batch.schema if pa.types.is_temporal(f.type)}
             entity = self.entities.setdefault(chunk.entity_path, {})
             for field, column in zip(batch.schema, batch.columns, strict=True):
                 if ":" in field.name:
@@ -157,6 +157,15 @@ def test_every_row_is_there_in_exact_nanoseconds(recording: Recording, run: Traj
     for path in ("/world/driven/tractor", "/world/driven/trailer"):
         assert recording.times_ns(path, "LineStrips3D:strips") == expected
     assert recording.timelines == {"sim_time"}
+
+
+def test_times_are_rounded_not_truncated() -> None:
+    from ttwmr_mj.recording.timeline import time_column
+
+    time_s = np.array([0.57, 1.001])
+    assert (1e9 * time_s).astype(int).tolist() != [570_000_000, 1_001_000_000]
+    column = time_column(time_s).as_arrow_array()
+    assert column.cast("int64").to_pylist() == [570_000_000, 1_001_000_000]
 
 
 def test_plots_hold_the_rows(recording: Recording, run: Trajectory) -> None:
@@ -254,7 +263,7 @@ def test_chunks_equal_one_piece(
     rows = replace(rows, ref_q=rows.ref_q.copy(), est_q=rows.est_q + 0.01)
     rows.ref_q[20:31, :, 3] = np.nan  # θ2 undefined for a while, across a cut
     whole = Recording(record(tmp_path / "whole.rrd", model, reference, rows))
-    parts = Recording(record(tmp_path / "parts.rrd", model, reference, rows, cuts=(1, 15, 25, 60)))
+    parts = Recording(record(tmp_path / "parts.rrd", model, reference, rows, cuts=(1, 20, 25, 60)))
     assert whole.temporal() == parts.temporal()
     gap = dict(whole.entities["/plots/theta2/reference"]["Scalars:scalars"])
     assert gap[20 * 33_000_000] == []  # ends the line
@@ -296,13 +305,27 @@ def test_an_undefined_reference_gives_no_series(
             assert np.isfinite([value for _, value in values]).all(), entity
 
 
+def test_rows_of_a_broken_run_are_left_out(
+    tmp_path: Path, model: mujoco.MjModel, reference: ReferencePath, run: Trajectory
+) -> None:
+    rows = replace(run, q=run.q.copy())
+    rows.q[40:] = np.nan
+    read = Recording(record(tmp_path / "run.rrd", model, reference, rows, cuts=(30, 50)))
+    for entity, component in (
+        ("/world/tractor", "Transform3D:translation"),
+        ("/plots/wheel_speed/true", "Scalars:scalars"),
+    ):
+        assert len(read.times_ns(entity, component)) == 40
+
+
 def test_an_exception_leaves_a_complete_file(
     tmp_path: Path, model: mujoco.MjModel, reference: ReferencePath, run: Trajectory
 ) -> None:
     path = tmp_path / "run.rrd"
+    recording = recorder(path, model, reference)
 
     def fail() -> None:
-        with recorder(path, model, reference) as recording:
+        with recording:
             recording.append(run.rows(0, 20))
             raise ZeroDivisionError
 

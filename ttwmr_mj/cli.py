@@ -52,7 +52,7 @@ def make_parser() -> argparse.ArgumentParser:
     """All commands and options."""
     parser = argparse.ArgumentParser(
         prog="ttwmr",
-        description="A tractor with a spherical-wheeled trailer: model, contact physics, controllers.",
+        description="A tractor with a spherical-wheeled trailer, in models and contact physics.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -7,24 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from ttwmr_mj.angles import wrap
+from ttwmr_mj.metrics import point_behind
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.trajectory import Trajectory
 
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """The trailer's COM, P − l·(cos θ2, sin θ2).
-
-    Args:
-        q: (..., 4) generalized coordinates (Eq. 2), world frame.
-        robot: its trailer gives l.
-
-    Returns:
-        (..., 2) [m], NaN where θ2 is.
-    """
-    theta2 = q[..., THETA2]
-    direction = np.stack([np.cos(theta2), np.sin(theta2)], axis=-1)
-    return np.asarray(q[..., :2] - robot.trailer.com_offset_m * direction)
+    """(..., 2) the trailer's COM, P − l·(cos θ2, sin θ2), for q (..., 4) [m]; NaN where θ2 is."""
+    return point_behind(q, robot.trailer.com_offset_m)
 
 
 @dataclass(frozen=True, slots=True)

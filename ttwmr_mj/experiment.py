@@ -110,7 +110,7 @@ class Experiment:
                 done = k + 1
                 broken = _broken(truth, plant)
                 if broken.any():
-                    _end(ends, broken, truth, k * period)
+                    _end(ends, broken, plant, k * period)
                     if len(ends) == nsim:
                         break
                 watch.lap("loop")
@@ -164,22 +164,19 @@ class Experiment:
 
 
 def _broken(truth: RobotState, plant: Plant) -> BoolArray:
-    """(nsim,) simulations that left all bounds (a NaN is no bound kept) or whose physics failed."""
-    inside = np.abs(truth.q).max(axis=1) <= ESCAPE
-    return np.asarray(~inside | plant.failed())
+    """(nsim,) simulations that left all bounds or whose physics failed."""
+    return np.asarray((np.abs(truth.q).max(axis=1) > ESCAPE) | plant.failed())
 
 
-def _end(ends: dict[int, Outcome], broken: BoolArray, truth: RobotState, time_s: float) -> None:
+def _end(ends: dict[int, Outcome], broken: BoolArray, plant: Plant, time_s: float) -> None:
     """Note how newly broken simulations ended."""
+    failed = plant.failed()
     for i in map(int, np.flatnonzero(broken)):
-        if i in ends:
-            continue
-        if np.isfinite(truth.q[i]).all() and np.abs(truth.q[i]).max() > ESCAPE:
-            reason = f"the state left all bounds: |q| = {np.abs(truth.q[i]).max():.3g}"
-            ends[i] = Outcome("diverged", reason, time_s)
+        if failed[i]:
+            ends.setdefault(i, Outcome("failed", f"the physics broke: {plant.fault(i)}", time_s))
         else:
-            reason = "the physics broke: a state is not finite, or MuJoCo warned"
-            ends[i] = Outcome("failed", reason, time_s)
+            reason = f"the state left all bounds, {ESCAPE:g} m and {ESCAPE:g} rad"
+            ends.setdefault(i, Outcome("diverged", reason, time_s))
 
 
 def _end_all(ends: dict[int, Outcome], nsim: int, outcome: Outcome) -> None:

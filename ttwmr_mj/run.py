@@ -169,7 +169,7 @@ def summary(scenario: Scenario) -> str:
         "seed": str(scenario.seed),
     }
     table = "\n".join(f"| {key} | {value} |" for key, value in rows.items())
-    return f"# {scenario.name}\n\n{scenario.description}\n\n| | |\n|---|---|\n{table}\n"
+    return f"# {scenario.name}\n\n{scenario.description}\n\n| setting | value |\n|---|---|\n{table}\n"
 
 
 RESULT_ROWS = (
@@ -198,4 +198,4 @@ def result_text(metrics: dict[str, Any]) -> str:
         f"| {label} | {in_unit(metrics[key], scale, unit)} |"
         for key, label, scale, unit in RESULT_ROWS
     ]
-    return f"**{status}**\n\n| | |\n|---|---|\n" + "\n".join(lines) + "\n"
+    return f"**{status}**\n\n| result | value |\n|---|---|\n" + "\n".join(lines) + "\n"

@@ -57,7 +57,8 @@ def _short(value: Any) -> str:
 
 def suggestion(word: str, choices: list[str]) -> str:
     """A hint at the closest choice, or nothing when none is close."""
-    close = difflib.get_close_matches(word, choices, n=1)
+    without_unit = [choice for choice in choices if choice.startswith(word + "_")]
+    close = without_unit or difflib.get_close_matches(word, choices, n=1)
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 

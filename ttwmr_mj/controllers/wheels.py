@@ -13,6 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, RobotState
 
@@ -24,6 +25,7 @@ CUT_RAD_S = 1e-9  # a wish cut by less than this is rounding, not saturation
 class AccelerationToWheels:
     """The map from (v1, v2) to wheel speeds, with u1, the commanded speed of P, as its state.
 
+    The first sample takes u1 and the wheel speeds from the estimate: a robot may start in motion.
     What the servo cannot do is cut and flagged: turning has priority over driving, and u1 goes on
     from what was really commanded, so that nothing winds up.
     """
@@ -38,9 +40,15 @@ class AccelerationToWheels:
         self._braking = 2.0 * turn_acceleration
         self._wheels: FloatArray = np.zeros((nsim, 2))
         self._speed: FloatArray = np.zeros(nsim)
+        self._robot = robot
+        self._first = True
 
     def command(self, acceleration_m_s2: FloatArray, estimate: RobotState) -> Command:
         """Wheel speeds that give P the acceleration (nsim, 2), world frame, over one period."""
+        if self._first:
+            twist = workspace_rate(estimate.q, estimate.q_rate)[..., :2]
+            self._wheels, self._speed = wheels_from_twist(twist, self._robot), twist[:, 0]
+            self._first = False
         heading = estimate.q[:, THETA1]
         cos, sin = np.cos(heading), np.sin(heading)
         east, north = acceleration_m_s2[:, 0], acceleration_m_s2[:, 1]

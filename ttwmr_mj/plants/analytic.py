@@ -121,6 +121,10 @@ class AnalyticPlant:
         sums = self._x + self._y + self._theta1 + self._hitch + self._hitch_rate
         return np.asarray(~np.isfinite(sums + self._wheels.sum(axis=-1)))
 
+    def fault(self, index: int) -> str:
+        """The model has one way to break."""
+        return f"the state is not finite: {self.state().q[index].tolist()}"
+
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds for a time.
 

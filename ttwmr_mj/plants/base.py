@@ -43,5 +43,9 @@ class Plant(Protocol):
         ...
 
     def failed(self) -> BoolArray:
-        """(nsim,) simulations whose physics broke (not finite, or MuJoCo warned)."""
+        """(nsim,) simulations whose physics broke."""
+        ...
+
+    def fault(self, index: int) -> str:
+        """What broke in one failed simulation, in words."""
         ...

@@ -46,6 +46,10 @@ class ContactPlant:
     def __init__(
         self, robot: RobotParameters, options: ContactOptions, nsim: int = 1, nthread: int = 0
     ) -> None:
+        log = mujoco.MjLogConfig.get()
+        # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
+        log.logto_file = log.logto_console = False
+        mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
         self.model = build_model(
@@ -117,7 +121,7 @@ class ContactPlant:
         return RobotState(q=q, q_rate=q_rate)
 
     def _planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """q and its rate (..., 4) from joint coordinates (..., nq) and (..., nv); θ1 wrapped."""
+        """Planar q and rate (..., 4) from joint coordinates (..., nq) and (..., nv); θ1 wrapped."""
         free, speed = self._free_qpos, self._free_qvel
         q, q_rate = np.empty((*qpos.shape[:-1], 4)), np.empty((*qpos.shape[:-1], 4))
         q[..., :2] = qpos[..., free : free + 2]
@@ -168,6 +172,12 @@ class ContactPlant:
     def failed(self) -> BoolArray:
         """(nsim,) simulations in which MuJoCo warned, as it does of states that are not finite."""
         return np.asarray(self._warnings.any(axis=1))
+
+    def fault(self, index: int) -> str:
+        """MuJoCo's warnings of one simulation, in its words."""
+        counters = self._batch.warning[index]
+        raised = np.flatnonzero(counters[:, 1])
+        return " ".join(mujoco.mju_warningText(int(i), int(counters[i, 0])) for i in raised)
 
 
 def _contact_columns(model: mujoco.MjModel) -> NDArray[np.intp]:

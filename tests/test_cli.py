@@ -1,0 +1,228 @@
+"""The command line as a user meets it: real processes, exit codes, files, signals."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.scenario_file import load_scenario
+
+QUICK = ["--set", "duration_s=1.0", "--set", "output.figures=false"]
+
+
+HELP_IMPORTS = """
+import sys
+from ttwmr_mj.cli import main
+try:
+    main(["--help"])
+except SystemExit:
+    heavy = {"mujoco", "numpy", "rerun", "cv2", "matplotlib", "pydantic", "scipy"}
+    sys.exit(str(heavy & set(sys.modules)) if heavy & set(sys.modules) else 0)
+"""
+
+
+def ttwmr(*arguments: str, cwd: Path, timeout: float = 120) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "ttwmr_mj", *arguments],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        timeout=timeout,
+        check=False,
+    )
+
+
+def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
+    done = ttwmr("run", "lab_circle", "--set", "duration_s=2.0", "--seed", "3", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "P, rms error" in done.stdout
+    (folder,) = (tmp_path / "results" / "lab_circle").iterdir()
+    assert folder.name.endswith("-3")
+    names = {path.name for path in folder.iterdir()}
+    assert names == {
+        "scenario.resolved.toml",
+        "manifest.json",
+        "trajectory.parquet",
+        "metrics.json",
+        "run.rrd",
+        "figures",
+    }
+    assert {path.suffix for path in (folder / "figures").iterdir()} == {".png", ".svg"}
+    manifest = json.loads((folder / "manifest.json").read_text())
+    assert manifest["schema_version"] == 1
+    assert manifest["seed"] == 3
+    assert manifest["command_line"][:3] == ["ttwmr", "run", "lab_circle"]
+    assert manifest["libraries"]["mujoco"]
+    metrics = json.loads((folder / "metrics.json").read_text())
+    assert metrics["status"] == "ok"
+    assert metrics["tractor_rmse_m"] > 0
+    # 2.0 s are 60 whole periods of 33 ms, and both ends are samples
+    assert pq.read_table(folder / "trajectory.parquet").num_rows == 61
+    again = load_scenario(str(folder / "scenario.resolved.toml"))
+    assert (again.seed, again.duration_s) == (3, 2.0)
+
+
+def test_the_same_command_gives_the_same_bytes_of_numbers(tmp_path: Path) -> None:
+    files = []
+    for name in ("a", "b"):
+        noisy = ["--set", "sensing.position_noise_m=0.002"]
+        done = ttwmr("run", "lab_circle", *QUICK, *noisy, "--out", name, "--quiet", cwd=tmp_path)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        files.append((tmp_path / name / "trajectory.parquet").read_bytes())
+    assert files[0] == files[1]
+
+
+def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) -> None:
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "notes.txt").write_text("keep me")
+    arguments = ["run", "lab_circle", *QUICK, "--out", "mine", "--quiet"]
+    refused = ttwmr(*arguments, cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "not empty" in refused.stderr
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["notes.txt"]
+    assert ttwmr(*arguments, "--force", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "mine" / "notes.txt").read_text() == "keep me"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "expected"),
+    [
+        (["run", "lab_cirle"], "did you mean 'lab_circle'"),
+        (["run", "lab_circle", "--set", "duration_s=1e12"], "duration_s: got 1000000000000.0"),
+        (["run", "lab_circle", "--set", "robot.tractor.mass_kg=nan"], "a finite number"),
+        (["run", "lab_circle", "--set", "plant.contact.model_path=no.xml"], "no such file"),
+        (["run", "lab_circle", "--seed", "-1"], "seed: got -1"),
+        (["validate", "lab_circle", "missing.toml"], "missing.toml: no such scenario"),
+        (["view", "missing.rrd"], "missing.rrd: no such file"),
+        (["view"], "no recording under results/"),
+        (["fly"], "invalid choice"),
+        ([], "the following arguments are required"),
+    ],
+)
+def test_wrong_input_is_exit_code_2_and_one_readable_block(
+    arguments: list[str], expected: str, tmp_path: Path
+) -> None:
+    done = ttwmr(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert expected in done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stdout == ""
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_debug_shows_the_traceback(tmp_path: Path) -> None:
+    done = ttwmr("run", "lab_cirle", "--debug", cwd=tmp_path)
+    assert done.returncode != 0
+    assert "Traceback" in done.stderr
+
+
+def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
+    done = ttwmr("validate", *shipped_scenarios(), cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+def test_list_names_every_scenario_with_its_description(tmp_path: Path) -> None:
+    lines = ttwmr("list", cwd=tmp_path).stdout.splitlines()
+    assert [line.split()[0] for line in lines] == list(shipped_scenarios())
+    assert all(len(line.split()) > 3 for line in lines)
+
+
+def test_export_schema_is_json_schema(tmp_path: Path) -> None:
+    schema = json.loads(ttwmr("export-schema", cwd=tmp_path).stdout)
+    assert schema["title"] == "Scenario"
+    assert ttwmr("export-schema", "--out", "schema.json", cwd=tmp_path).stdout == ""
+    assert json.loads((tmp_path / "schema.json").read_text()) == schema
+
+
+def test_doctor_reports_versions_and_backends(tmp_path: Path) -> None:
+    done = ttwmr("doctor", cwd=tmp_path)
+    assert done.returncode == 0
+    for word in ("mujoco", "rerun-sdk", "egl", "osmesa", "Vulkan"):
+        assert word in done.stdout
+
+
+def test_help_needs_none_of_the_heavy_libraries(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", HELP_IMPORTS],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_failed_run_is_exit_code_1_with_its_reason_and_its_files(tmp_path: Path) -> None:
+    (tmp_path / "misbehaving.py").write_text((Path(__file__).parent / "misbehaving.py").read_text())
+    (tmp_path / "mine.toml").write_text(
+        'name = "mine"\nduration_s = 2.0\n[reference]\nkind = "none"\n'
+        '[controller]\nkind = "custom"\ntarget = "misbehaving:Broken"\n'
+    )
+    done = ttwmr("run", "mine.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "mine failed at 0.165 s" in done.stderr
+    assert "ZeroDivisionError: of its own making" in done.stderr
+    assert "Traceback" not in done.stderr
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["status"] == "failed"
+    assert "ZeroDivisionError" in metrics["reason"]
+    assert metrics["tractor_rmse_m"] is None
+    assert recorded_rows(tmp_path / "out" / "run.rrd") == 6
+    debugged = ttwmr("run", "mine.toml", "--out", "out2", "--debug", cwd=tmp_path)
+    assert "raise ZeroDivisionError" in debugged.stderr
+
+
+def recorded_rows(path: Path) -> int:
+    """Rows of the tractor's transform in a recording."""
+    from rerun.chunk import RrdReader
+
+    batches = RrdReader(path).stream().filter(content="/world/tractor").to_chunks()
+    return max((chunk.num_rows for chunk in batches), default=0)
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_a_run_cleanly(signum: signal.Signals, tmp_path: Path) -> None:
+    process = start_long_run(tmp_path)
+    process.send_signal(signum)
+    assert process.wait(timeout=60) == 1
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["status"] == "interrupted"
+    rows = pq.read_table(tmp_path / "out" / "trajectory.parquet").num_rows
+    assert rows == recorded_rows(tmp_path / "out" / "run.rrd") > 0
+
+
+def test_a_killed_run_leaves_a_readable_recording(tmp_path: Path) -> None:
+    process = start_long_run(tmp_path)
+    size = (tmp_path / "out" / "run.rrd").stat().st_size
+    deadline = time.monotonic() + 60
+    while (tmp_path / "out" / "run.rrd").stat().st_size <= size and time.monotonic() < deadline:
+        time.sleep(0.05)
+    process.kill()
+    process.wait(timeout=60)
+    assert recorded_rows(tmp_path / "out" / "run.rrd") > 0
+
+
+def start_long_run(folder: Path) -> subprocess.Popen[bytes]:
+    """A run of an hour's simulated time, started and already recording."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "ttwmr_mj", "run", "lab_circle", "--out", "out"]
+        + ["--set", "duration_s=3600.0", "--set", "output.figures=false"],
+        cwd=folder,
+        stderr=subprocess.DEVNULL,
+        stdout=subprocess.DEVNULL,
+    )
+    recording = folder / "out" / "run.rrd"
+    deadline = time.monotonic() + 60
+    while not (recording.exists() and recording.stat().st_size > 200_000):
+        assert process.poll() is None
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+    return process

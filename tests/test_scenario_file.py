@@ -1,0 +1,180 @@
+"""Scenario files: every fault at once, overrides by path, and a dump that loads back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario_file import check_scenario, dump_scenario, load_scenario, set_value
+
+GOOD = """
+name = "mine"
+duration_s = 5.0
+[reference]
+kind = "circle"
+radius_m = 0.43
+angular_rate_rad_s = 0.125
+[controller]
+kind = "lyapunov"
+"""
+
+
+def write(folder: Path, text: str) -> str:
+    path = folder / "mine.toml"
+    path.write_text(text)
+    return str(path)
+
+
+def fault_of(folder: Path, text: str) -> str:
+    with pytest.raises(InputError) as caught:
+        load_scenario(write(folder, text))
+    return str(caught.value)
+
+
+def test_a_minimal_file_is_filled_with_defaults(tmp_path: Path) -> None:
+    scenario = load_scenario(write(tmp_path, GOOD))
+    assert scenario.robot.tractor.mass_kg == 0.9
+    assert scenario.control.sampling_time_s == 0.033
+    assert scenario.initial.kind == "at_rest"
+    assert (scenario.periods, scenario.steps_per_period) == (151, 33)
+
+
+@pytest.mark.parametrize("name", list(shipped_scenarios()))
+def test_the_resolved_dump_loads_back_equal(name: str, tmp_path: Path) -> None:
+    scenario = load_scenario(name)
+    again = load_scenario(write(tmp_path, dump_scenario(scenario)))
+    assert again == scenario
+
+
+def test_all_faults_of_a_file_come_at_once(tmp_path: Path) -> None:
+    text = """
+name = "Bad Name"
+duration_s = 1e12
+seeed = 3
+[robot.tractor]
+mass_kg = -1.0
+masss_kg = 3.0
+yaw_inertia_kg_m2 = nan
+[robot.trailer]
+yaw_inertia_kg_m2 = 1e-9
+[plant.contact]
+model_path = "nowhere.xml"
+[control]
+sampling_time_s = 0.0335
+[reference]
+kind = "circle"
+radius_m = "1 m"
+angular_rate_rad_s = 0.5
+[controller]
+kind = "lyapunow"
+"""
+    message = fault_of(tmp_path, text)
+    for expected in (
+        "mine.toml: 11 errors",
+        "name: got 'Bad Name'",
+        "duration_s: got 1000000000000.0; allowed: less than or equal to 3600",
+        "seeed: unknown key (did you mean 'seed'?)",
+        "robot.tractor.mass_kg: got -1.0; allowed: greater than 0",
+        "robot.tractor.masss_kg: unknown key (did you mean 'mass_kg'?)",
+        "robot.tractor.yaw_inertia_kg_m2: got nan; allowed: a finite number",
+        "robot.trailer.yaw_inertia_kg_m2: a yaw inertia of 1e-09 kg·m² is impossible",
+        "plant.contact.model_path: got 'nowhere.xml'; no such file",
+        "control.sampling_time_s: got 0.0335",
+        "nearest: 0.033 and 0.034",
+        "reference.radius_m: got '1 m'; allowed: a valid number",
+        "controller.kind: got 'lyapunow' (did you mean 'lyapunov'?)",
+    ):
+        assert expected in message
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("sensing.latency_s=0.05", "sensing.latency_s: got 0.05"),
+        ("duration_s=0.01", "duration_s: got 0.01; allowed: at least one control period"),
+        ("controller.alpha1=ten", "controller.alpha1: got 'ten'"),
+        ("initial.x=1.0", "initial.x: unknown key (did you mean 'x_m'?)"),
+        ("plant.kind=simulink", "plant.kind: got 'simulink'; allowed: 'contact' or 'analytic'"),
+        ("seed=-1", "seed: got -1"),
+        ("seed=1.5", "seed: got 1.5; allowed: a valid integer"),
+        ("robot=3", "robot: got 3"),
+        ("reference.kind=none", "reference.kind: got 'none'; lyapunov needs a reference"),
+        ("reference.centre_m=[0.0]", "reference.centre_m.1: missing"),
+        ("schema_version=2", "schema_version: got 2; allowed: 1"),
+    ],
+)
+def test_faults_name_key_value_and_what_is_allowed(
+    line: str, expected: str, tmp_path: Path
+) -> None:
+    text = (
+        GOOD
+        if "kind=none" not in line
+        else GOOD.replace("radius_m = 0.43\n", "").replace("angular_rate_rad_s = 0.125\n", "")
+    )
+    with pytest.raises(InputError) as caught:
+        load_scenario(write(tmp_path, text), [line])
+    assert expected in str(caught.value)
+
+
+def test_overrides_reach_every_depth() -> None:
+    data = {"controller": {"kind": "open_loop", "segments": [{"duration_s": 1.0}]}}
+    set_value(data, "controller.segments.0.duration_s=2.5")
+    set_value(data, "plant.contact.timestep_s=0.0005")
+    set_value(data, "plant.kind=analytic")
+    set_value(data, 'description="a = b"')
+    assert data["controller"]["segments"][0]["duration_s"] == 2.5
+    assert data["plant"] == {"contact": {"timestep_s": 0.0005}, "kind": "analytic"}
+    assert data["description"] == "a = b"
+
+
+@pytest.mark.parametrize("bad", ["novalue", "=3", "a..b=1", "segments.7.x=1", "name.x=1"])
+def test_malformed_overrides_are_refused(bad: str) -> None:
+    with pytest.raises(InputError, match="--set"):
+        set_value({"segments": [{}], "name": "text"}, bad)
+
+
+def test_override_values_are_data_never_code(tmp_path: Path) -> None:
+    evil = "__import__('os').system('touch owned')"
+    scenario = load_scenario(write(tmp_path, GOOD), [f"description={evil}"])
+    assert scenario.description == evil
+
+
+def test_unknown_scenario_names_suggest_the_near_one() -> None:
+    with pytest.raises(InputError, match=r"did you mean 'lab_circle'.*shipped: "):
+        load_scenario("lab_cirle")
+
+
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
+    assert "cannot be read as TOML" in fault_of(tmp_path, "name = ")
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    with pytest.raises(InputError, match="cannot be read as TOML"):
+        load_scenario(str(tmp_path / "binary.toml"))
+
+
+def test_servo_presets_fill_what_is_not_given() -> None:
+    base = {
+        "name": "a",
+        "duration_s": 1.0,
+        "reference": {"kind": "none"},
+        "controller": {
+            "kind": "open_loop",
+            "segments": [
+                {"duration_s": 1.0, "wheel_right_rad_s": 1.0, "wheel_left_rad_s": 1.0},
+            ],
+        },
+    }
+    servo = check_scenario(
+        {**base, "robot": {"servo": {"preset": "fast", "speed_limit_rad_s": 30.0}}}, "a"
+    ).robot.servo
+    assert (servo.speed_limit_rad_s, servo.acceleration_limit_rad_s2) == (30.0, 100.0)
+
+
+def test_the_schema_describes_every_shipped_key() -> None:
+    schema = Scenario.model_json_schema()
+    assert schema["properties"]["duration_s"]["exclusiveMinimum"] == 0
+    assert schema["additionalProperties"] is False
+    assert {"Tractor", "Servo", "CircleReference", "ContactOptions"} <= set(schema["$defs"])

@@ -1,0 +1,96 @@
+"""Every shipped scenario on every plant: finite, repeatable, and true to what it is for."""
+
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.experiment import Experiment, Result
+from ttwmr_mj.metrics import Metrics, score
+from ttwmr_mj.scenario import CustomController
+from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.trajectory import Trajectory
+
+PLANTS = ("contact", "analytic")
+
+
+def run(name: str, *overrides: str) -> Result:
+    return Experiment(load_scenario(name, list(overrides))).run()
+
+
+def scored(name: str, plant: str) -> Metrics:
+    scenario = load_scenario(name, [f"plant.kind={plant}"])
+    return score(Experiment(scenario).run().trajectory, scenario.robot)
+
+
+def same(a: Trajectory, b: Trajectory) -> bool:
+    pairs = [(getattr(a, f.name), getattr(b, f.name)) for f in fields(Trajectory)]
+    return all(np.array_equal(x, y, equal_nan=x.dtype.kind == "f") for x, y in pairs)
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", list(shipped_scenarios()))
+def test_runs_finite_and_repeats_bit_for_bit(name: str, plant: str) -> None:
+    overrides = [f"plant.kind={plant}", "duration_s=3.0"]
+    first, second = run(name, *overrides), run(name, *overrides)
+    assert [outcome.status for outcome in first.outcomes] == ["ok"]
+    assert np.isfinite(first.trajectory.q).all()
+    assert np.isfinite(first.trajectory.wheel_command_rad_s).all()
+    assert same(first.trajectory, second.trajectory)
+
+
+def test_another_seed_changes_noise_and_nothing_without_noise() -> None:
+    quiet = ["plant.kind=analytic", "duration_s=2.0"]
+    noisy = [*quiet, "sensing.position_noise_m=0.001"]
+    assert same(
+        run("lab_circle", *quiet).trajectory, run("lab_circle", *quiet, "seed=5").trajectory
+    )
+    a, b = run("lab_circle", *noisy).trajectory, run("lab_circle", *noisy, "seed=5").trajectory
+    assert not np.array_equal(a.est_q, b.est_q)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "limit_m"), [("lab_circle", 0.5e-3), ("sim_circle", 2e-3)])
+def test_law_32_tracks_on_contact_physics_as_on_the_model(name: str, limit_m: float) -> None:
+    contact, analytic = scored(name, "contact"), scored(name, "analytic")
+    assert contact["steady_tractor_rmse_m"] <= limit_m
+    # the two plants are asked to agree within 1 mm
+    assert contact["steady_tractor_rmse_m"] == pytest.approx(
+        analytic["steady_tractor_rmse_m"], abs=1e-3
+    )
+    assert contact["tractor_rmse_m"] == pytest.approx(analytic["tractor_rmse_m"], abs=1e-3)
+
+
+def test_a_batch_run_is_its_single_run() -> None:
+    scenario = load_scenario("lab_circle", ["duration_s=2.0"])
+    alone = Experiment(scenario).run().trajectory
+    among = Experiment(scenario, nsim=3).run().trajectory
+    for i in range(3):
+        assert same(among.simulation(i), alone)
+
+
+@pytest.mark.parametrize(
+    ("target", "reason", "rows"),
+    [
+        ("misbehaving:Runaway", "wheel speeds are not finite", 11),
+        ("misbehaving:Broken", "the controller raised ZeroDivisionError: of its own making", 6),
+    ],
+)
+def test_a_broken_controller_ends_the_run_and_what_was_reached_is_kept(
+    target: str, reason: str, rows: int
+) -> None:
+    overrides = ["plant.kind=analytic", "duration_s=3.0"]
+    scenario = load_scenario("open_loop_turn", overrides)
+    custom = CustomController(kind="custom", target=target)
+    scenario = scenario.model_copy(update={"controller": custom})
+    result = Experiment(scenario, folder=Path(__file__).parent).run()
+    outcome = result.outcomes[0]
+    assert outcome.status == "failed"
+    assert reason in outcome.reason
+    assert outcome.time_s == pytest.approx((rows - 1) * 0.033)
+    assert len(result.trajectory) == rows
+    assert np.isfinite(result.trajectory.q).all()

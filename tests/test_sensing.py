@@ -1,0 +1,54 @@
+"""Truth through noise and latency."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ttwmr_mj.build import generators
+from ttwmr_mj.scenario import TruthSensing
+from ttwmr_mj.sensing import TruthSensor
+from ttwmr_mj.state import RobotState
+
+PERIOD = 0.033
+
+
+def truth(k: int, nsim: int = 2) -> RobotState:
+    return RobotState(np.full((nsim, 4), float(k)), np.full((nsim, 4), -float(k)))
+
+
+def test_without_options_it_is_the_truth() -> None:
+    sensor = TruthSensor(TruthSensing(), PERIOD, 2, np.random.default_rng(0))
+    seen = sensor.observe(truth(3))
+    assert np.array_equal(seen.state.q, truth(3).q)
+    assert seen.age_s.tolist() == [0.0, 0.0]
+    assert seen.valid.all()
+
+
+@pytest.mark.parametrize("periods", [1, 2, 5])
+def test_latency_is_exact_and_its_age_is_told(periods: int) -> None:
+    options = TruthSensing(latency_s=periods * PERIOD)
+    sensor = TruthSensor(options, PERIOD, 2, np.random.default_rng(0))
+    for k in range(12):
+        seen = sensor.observe(truth(k))
+        # until the first measurement is through, it is all there is
+        assert seen.state.q[0, 0] == max(k - periods, 0)
+        assert seen.age_s[0] == pytest.approx(PERIOD * min(k, periods), abs=1e-15)
+
+
+def test_noise_has_the_asked_deviation_and_is_independent_per_simulation() -> None:
+    options = TruthSensing(position_noise_m=0.01, angle_noise_rad=0.02, rate_noise_rad_s=0.3)
+    nsim = 20_000
+    sensor = TruthSensor(options, PERIOD, nsim, np.random.default_rng(5))
+    seen = sensor.observe(truth(0, nsim)).state
+    # 5 σ of a sample deviation: σ/√(2n) = 0.5 %
+    assert seen.q.std(axis=0) == pytest.approx([0.01, 0.01, 0.02, 0.02], rel=0.025)
+    assert seen.q_rate.std(axis=0) == pytest.approx([0, 0, 0.3, 0.3], rel=0.025)
+
+
+def test_named_generators_do_not_depend_on_one_another() -> None:
+    alone = generators(7, ("sensor",))["sensor"].standard_normal(4)
+    among = generators(7, ("controller", "sensor"))["sensor"].standard_normal(4)
+    other = generators(8, ("sensor",))["sensor"].standard_normal(4)
+    assert np.array_equal(alone, among)
+    assert not np.array_equal(alone, other)

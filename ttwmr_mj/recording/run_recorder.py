@@ -1,0 +1,116 @@
+"""One run, one .rrd file that a killed process leaves readable."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from uuid import uuid4
+
+import mujoco
+import numpy as np
+import rerun as rr
+import rerun_bindings
+
+from ttwmr_mj.curves import Curves
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.recording.blueprint import REPORT, blueprint
+from ttwmr_mj.recording.plots import Plots
+from ttwmr_mj.recording.scene import Scene, floor_corners
+from ttwmr_mj.recording.timeline import time_column
+from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.trajectory import Trajectory
+
+
+class RunRecorder:
+    """Writes the first simulation of a run for the Rerun viewer.
+
+    A context manager; every appended row is on disk when `append` returns, and leaving the context
+    by any way closes the file.
+
+    Args:
+        path: the .rrd file, overwritten; its folder exists.
+        model: the robot to draw, also for runs of the analytic plant.
+        robot: the numbers of that robot.
+        reference: the whole reference to draw as a path; None draws none.
+        name: of the recording, as the viewer lists it.
+        summary_markdown: what is known before the run (scenario, seed, ...).
+
+    Raises:
+        InputError: the file cannot be created.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        *,
+        model: mujoco.MjModel,
+        robot: RobotParameters,
+        reference: ReferencePath | None,
+        name: str,
+        summary_markdown: str,
+    ) -> None:
+        rr.set_strict_mode(True)  # else wrong calls only warn
+        self._robot = robot
+        self._summary = summary_markdown
+        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
+        self._stream.set_log_time_enabled(False)
+        floor_m = floor_corners(reference)
+        try:
+            self._stream.save(path, default_blueprint=blueprint(name, reference, floor_m))
+        except RuntimeError as error:
+            raise InputError(f"{path}: cannot be written as a recording: {error}") from error
+        self._open = True
+        self._stream.send_recording_name(name)
+        self._stream.send_property("scenario", rr.AnyValues(name=name))
+        self._report(summary_markdown)
+        self._scene = Scene(self._stream, model, robot, reference, floor_m)
+        self._plots = Plots(self._stream)
+
+    def append(self, rows: Trajectory) -> None:
+        """Record the next rows, in the order of time: a second of them, or a whole run at once.
+
+        Rows from the first on whose state is not finite are left out: there is no robot to draw.
+        """
+        self._check_open()
+        alive = np.isfinite(rows.q[:, 0]).all(axis=1)
+        rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
+        if not len(rows):
+            return
+        now = time_column(rows.time_s)
+        curves = Curves.of(rows, self._robot)
+        self._scene.append(now, rows, curves)
+        self._plots.append(now, rows, curves)
+        self._stream.flush()
+
+    def finish(self, result_markdown: str) -> None:
+        """Show the result above the summary."""
+        self._check_open()
+        self._report(f"{result_markdown}\n\n{self._summary}")
+
+    def close(self) -> None:
+        """Complete the file; nothing can be appended afterwards. A second call does nothing."""
+        self._open = False
+        self._stream.disconnect()
+        # the stream's threads outlive it otherwise
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if not self._open:  # rerun would drop the data with a warning
+            raise ValueError("the recording is closed, nothing can be added to it")
+
+    def _report(self, markdown: str) -> None:
+        document = rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)
+        self._stream.log(REPORT, document, static=True)

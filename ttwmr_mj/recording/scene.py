@@ -1,0 +1,231 @@
+"""The 3D scene: laboratory and robot once, then poses, paths and contact forces over time."""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+import rerun as rr
+
+from ttwmr_mj.curves import Curves, trailer_com
+from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.recording import style
+from ttwmr_mj.recording.poses import BodyPoses
+from ttwmr_mj.recording.timeline import time_column
+from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.trajectory import Trajectory
+
+TRACTOR_PATH = "world/driven/tractor"
+TRAILER_PATH = "world/driven/trailer"
+MARKER = "world/reference/marker"
+FORCES = "world/contact_forces"
+P_MARKER = "world/tractor/P"
+
+VISUAL_GROUP = 2
+LAB_CORNERS_M = np.array([[-0.95, -0.71], [0.95, 0.71]])  # what the overhead camera sees
+FLOOR_MARGIN_M = 0.4
+GRID_M = 0.1
+# Lines on the floor lie apart, else they flicker through each other.
+GRID_HEIGHT_M, REFERENCE_HEIGHT_M = 0.0003, 0.0008
+DRIVEN_HEIGHT_M = {TRAILER_PATH: 0.0013, TRACTOR_PATH: 0.0018}
+MARKER_HEIGHT_M = 0.11
+FORCE_SCALE_M_N = 0.03
+
+
+class Scene:
+    """Everything under world/ in one recording."""
+
+    def __init__(
+        self,
+        stream: rr.RecordingStream,
+        model: mujoco.MjModel,
+        robot: RobotParameters,
+        reference: ReferencePath | None,
+        floor_m: FloatArray,
+    ) -> None:
+        self._stream = stream
+        self._poses = BodyPoses(model, robot)
+        self._bodies = [_body_path(model, i) for i in range(1, model.nbody)]
+        self._last_points: dict[str, FloatArray] = {}
+        self._marked = False
+        stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        _log_robot(stream, model)
+        stream.log(P_MARKER, rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]), static=True)
+        _log_floor(stream, floor_m)
+        if reference is not None:
+            _log_reference(stream, reference, robot)
+        for path, colour in ((TRACTOR_PATH, style.TRACTOR), (TRAILER_PATH, style.TRAILER)):
+            line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
+            stream.log(path, line, static=True)
+        arrow = rr.Arrows3D.from_fields(colors=[style.FORCE], radii=[0.002])
+        stream.log(FORCES, arrow, static=True)
+
+    def append(self, now: rr.TimeColumn, rows: Trajectory, curves: Curves) -> None:
+        """Log the next rows of the run.
+
+        Args:
+            now: the rows' times.
+            rows: n rows; the first simulation is drawn.
+            curves: of the same rows.
+        """
+        position, quaternion = self._poses.at(rows)
+        for i, body in enumerate(self._bodies, start=1):
+            columns = rr.Transform3D.columns(
+                translation=position[:, i], quaternion=_xyzw(quaternion[:, i])
+            )
+            self._stream.send_columns(body, [now], columns)
+        self._append_path(TRACTOR_PATH, now, rows.q[:, 0, :2])
+        self._append_path(TRAILER_PATH, now, curves.trailer_com_m[:, 0])
+        self._append_marker(rows)
+        if rows.contact_readings.shape[2]:
+            self._append_forces(now, rows.contact_readings[:, 0])
+
+    def _append_path(self, path: str, now: rr.TimeColumn, points_m: FloatArray) -> None:
+        """One segment per row, from the row before; the view shows all up to the time cursor."""
+        ends = _lift(points_m, DRIVEN_HEIGHT_M[path])
+        starts = np.vstack([self._last_points.get(path, ends[0]), ends[:-1]])
+        self._last_points[path] = ends[-1]
+        strips = np.stack([starts, ends], axis=1)
+        self._stream.send_columns(path, [now], rr.LineStrips3D.columns(strips=strips))
+
+    def _append_marker(self, rows: Trajectory) -> None:
+        """Move the marker to the reference of P, at the rows that have one."""
+        points = rows.ref_q[:, 0, :2]
+        known = np.isfinite(points).all(axis=1)
+        if not known.any():
+            return
+        if not self._marked:
+            _log_marker(self._stream)
+            self._marked = True
+        columns = rr.Transform3D.columns(translation=_lift(points[known], 0.0))
+        self._stream.send_columns(MARKER, [time_column(rows.time_s[known])], columns)
+
+    def _append_forces(self, now: rr.TimeColumn, readings: FloatArray) -> None:
+        contacts = read_contacts(readings)
+        arrows = rr.Arrows3D.columns(
+            origins=contacts.position_m.reshape(-1, 3),
+            vectors=FORCE_SCALE_M_N * contacts.force_n.reshape(-1, 3),
+        )
+        counts = np.full(len(readings), readings.shape[1])
+        self._stream.send_columns(FORCES, [now], arrows.partition(counts))
+
+
+def _log_robot(stream: rr.RecordingStream, model: mujoco.MjModel) -> None:
+    """Log the model's visual geoms in the frames of their bodies."""
+    for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
+        shape = _shape(model, i)
+        if shape is not None:
+            name = model.geom(i).name or f"geom_{i}"
+            stream.log(f"{_body_path(model, model.geom_bodyid[i])}/{name}", shape, static=True)
+
+
+def _shape(
+    model: mujoco.MjModel, geom: int
+) -> rr.Boxes3D | rr.Cylinders3D | rr.Ellipsoids3D | None:
+    """A geom as Rerun draws it; None for a type the robot has no use for (planes, meshes)."""
+    material = model.geom_matid[geom]
+    rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
+    colour = [rgba]
+    centre, turn = [model.geom_pos[geom]], [_xyzw(model.geom_quat[geom])]
+    size, solid = model.geom_size[geom], rr.components.FillMode.Solid
+    match mujoco.mjtGeom(model.geom_type[geom]):
+        case mujoco.mjtGeom.mjGEOM_BOX:
+            return rr.Boxes3D(
+                half_sizes=[size], centers=centre, quaternions=turn, colors=colour, fill_mode=solid
+            )
+        case mujoco.mjtGeom.mjGEOM_CYLINDER:
+            return rr.Cylinders3D(
+                radii=[size[0]],
+                lengths=[2.0 * size[1]],
+                centers=centre,
+                quaternions=turn,
+                colors=colour,
+                fill_mode=solid,
+            )
+        case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
+            half = model.geom_aabb[geom, 3:]
+            return rr.Ellipsoids3D(
+                half_sizes=[half], centers=centre, quaternions=turn, colors=colour, fill_mode=solid
+            )
+    return None
+
+
+def floor_corners(reference: ReferencePath | None) -> FloatArray:
+    """(2, 2) lower and upper corner [m] of a floor under the reference, at least the lab's."""
+    low, high = LAB_CORNERS_M
+    if reference is not None:
+        path = reference.position_m[:, 0]
+        low = np.minimum(low, path.min(axis=0) - FLOOR_MARGIN_M)
+        high = np.maximum(high, path.max(axis=0) + FLOOR_MARGIN_M)
+    return np.stack([low, high])
+
+
+def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray) -> None:
+    """A thin plate with a line every `GRID_M`, its top at z = 0."""
+    low, high = corners_m
+    plate = rr.Boxes3D(
+        mins=[[*low, -0.01]], sizes=[[*(high - low), 0.01]], colors=[style.FLOOR], fill_mode="solid"
+    )
+    xs, ys = (np.arange(np.ceil(low[i] / GRID_M), high[i] / GRID_M) * GRID_M for i in range(2))
+    lines = [[(x, low[1]), (x, high[1])] for x in xs] + [[(low[0], y), (high[0], y)] for y in ys]
+    grid = rr.LineStrips3D(
+        [_lift(np.array(line), GRID_HEIGHT_M) for line in lines],
+        colors=[style.GRID],
+        radii=rr.Radius.ui_points([0.5]),
+    )
+    stream.log("world/floor", plate, static=True)
+    stream.log("world/floor/grid", grid, static=True)
+
+
+def _log_reference(
+    stream: rr.RecordingStream, reference: ReferencePath, robot: RobotParameters
+) -> None:
+    """The whole reference: P as a line, the trailer's COM as a thinner one where θ2 is defined."""
+    q = reference.q[:, 0]
+    trailer = _pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
+    for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
+        if pieces:
+            line = rr.LineStrips3D(
+                [_lift(piece, REFERENCE_HEIGHT_M) for piece in pieces],
+                colors=[style.REFERENCE],
+                radii=rr.Radius.ui_points([width]),
+            )
+            stream.log(f"world/reference/{name}", line, static=True)
+
+
+def _pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
+    """The points (n, 2) cut where θ2 is undefined or jumps, in pieces of two and more."""
+    with np.errstate(invalid="ignore"):
+        broken = ~(np.abs(np.diff(theta2_rad)) < 0.5 * np.pi)
+    pieces = np.split(points_m, np.flatnonzero(broken) + 1)
+    return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
+
+
+def _log_marker(stream: rr.RecordingStream) -> None:
+    """A pole with a ball on top, tall enough to be seen over the robot."""
+    pole = rr.LineStrips3D(
+        [[[0.0, 0.0, 0.0], [0.0, 0.0, MARKER_HEIGHT_M]]], colors=[style.REFERENCE], radii=[0.0012]
+    )
+    ball = rr.Ellipsoids3D(
+        centers=[[0.0, 0.0, MARKER_HEIGHT_M]],
+        radii=[0.007],
+        colors=[style.REFERENCE],
+        fill_mode="solid",
+    )
+    stream.log(f"{MARKER}/pole", pole, static=True)
+    stream.log(f"{MARKER}/ball", ball, static=True)
+
+
+def _body_path(model: mujoco.MjModel, body: int) -> str:
+    return "world" if body == 0 else f"world/{model.body(body).name or f'body_{body}'}"
+
+
+def _xyzw(quaternion: FloatArray) -> FloatArray:
+    """Rerun's order of MuJoCo's (w, x, y, z), last axis."""
+    return np.roll(quaternion, -1, axis=-1)
+
+
+def _lift(points_m: FloatArray, height_m: float) -> FloatArray:
+    """(n, 3) points at a height over the floor, from (n, 2)."""
+    return np.column_stack([points_m, np.full(len(points_m), height_m)])

@@ -1,0 +1,1 @@
+"""The camera's chain: frames, sensor model, calibration, detection, pose, tracking."""

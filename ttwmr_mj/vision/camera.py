@@ -1,0 +1,150 @@
+"""The geometry of a camera: from points in the world to pixels and back.
+
+OpenCV's conventions: the camera's x is right, y down, z along the optical axis; the centre of the
+first pixel is (0, 0); distortion is Brown-Conrady (k1, k2, p1, p2, k3).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.options import CameraOptions, Lens
+
+UNDISTORT_ITERATIONS = 20  # Newton converges in 3 or 4 where the lens is monotonic
+UNDISTORT_TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True, slots=True)
+class CameraModel:
+    """Intrinsics, distortion and pose of one camera.
+
+    Attributes:
+        width_px: columns of the picture.
+        height_px: rows of the picture.
+        focal_px: (2,) fx, fy.
+        principal_px: (2,) where the optical axis meets the picture.
+        distortion: (5,) k1, k2, p1, p2, k3.
+        rotation: (3, 3) from world to camera axes.
+        position_m: (3,) of the optical centre in the world.
+    """
+
+    width_px: int
+    height_px: int
+    focal_px: FloatArray
+    principal_px: FloatArray
+    distortion: FloatArray
+    rotation: FloatArray
+    position_m: FloatArray
+
+    @property
+    def matrix(self) -> FloatArray:
+        """(3, 3) OpenCV's camera matrix."""
+        (fx, fy), (cx, cy) = self.focal_px, self.principal_px
+        return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
+
+    def project(self, point_m: FloatArray) -> FloatArray:
+        """Pixels (..., 2) of world points (..., 3) in front of the camera."""
+        in_camera = (point_m - self.position_m) @ self.rotation.T
+        return self.to_pixels(in_camera[..., :2] / in_camera[..., 2:])
+
+    def to_pixels(self, tangent: FloatArray) -> FloatArray:
+        """Pixels (..., 2) of undistorted ray slopes (..., 2), x/z and y/z in the camera."""
+        return distort(tangent, self.distortion) * self.focal_px + self.principal_px
+
+    def to_tangents(self, pixel: FloatArray) -> FloatArray:
+        """Undistorted ray slopes (..., 2) of pixels (..., 2): the inverse of `to_pixels`."""
+        return undistort((pixel - self.principal_px) / self.focal_px, self.distortion)
+
+    def to_plane(self, pixel: FloatArray, height_m: FloatArray | float) -> FloatArray:
+        """Where the rays of pixels meet horizontal planes.
+
+        Args:
+            pixel: (..., 2) column and row.
+            height_m: (...) z of each plane in the world; a label's height, against parallax.
+
+        Returns:
+            (..., 2) world x, y [m].
+        """
+        tangent = self.to_tangents(pixel)
+        ray = tangent @ self.rotation[:2] + self.rotation[2]
+        reach = (height_m - self.position_m[2]) / ray[..., 2]
+        return np.asarray(self.position_m[:2] + reach[..., None] * ray[..., :2])
+
+    def metres_per_pixel(self, height_m: float) -> float:
+        """Size of a pixel at a height, on the optical axis, across it."""
+        depth = (height_m - self.position_m[2]) / self.rotation[2, 2]
+        return float(depth / np.sqrt(self.focal_px[0] * self.focal_px[1]))
+
+
+def true_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
+    """The camera of a scene as it really is, with this lens.
+
+    Raises:
+        KeyError: the scene has no camera of that name.
+    """
+    camera = model.camera(options.name)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    axes = data.cam_xmat[camera.id].reshape(3, 3)
+    focal = 0.5 * options.height_px / np.tan(np.radians(float(camera.fovy[0])) / 2)
+    size = np.array([options.width_px, options.height_px], dtype=np.float64)
+    return CameraModel(
+        width_px=options.width_px,
+        height_px=options.height_px,
+        focal_px=np.array([focal, focal]),
+        principal_px=0.5 * (size - 1.0) + options.lens.principal_offset_px,
+        distortion=coefficients(options.lens),
+        rotation=np.diag([1.0, -1.0, -1.0]) @ axes.T,
+        position_m=np.array(data.cam_xpos[camera.id]),
+    )
+
+
+def coefficients(lens: Lens) -> FloatArray:
+    """(5,) k1, k2, p1, p2, k3 in OpenCV's order."""
+    return np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
+
+
+def distort(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:
+    """Brown-Conrady: where a ray of slopes (..., 2) appears to come from, (..., 2)."""
+    k1, k2, p1, p2, k3 = coefficient
+    x, y = tangent[..., 0], tangent[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    cross = 2.0 * x * y
+    return np.stack(
+        [
+            x * radial + p1 * cross + p2 * (r2 + 2.0 * x * x),
+            y * radial + p1 * (r2 + 2.0 * y * y) + p2 * cross,
+        ],
+        axis=-1,
+    )
+
+
+def undistort(distorted: FloatArray, coefficient: FloatArray) -> FloatArray:
+    """The inverse of `distort`, by Newton's method with its exact Jacobian."""
+    if not coefficient.any():
+        return np.array(distorted)
+    k1, k2, p1, p2, k3 = coefficient
+    x, y = np.array(distorted[..., 0]), np.array(distorted[..., 1])
+    for _ in range(UNDISTORT_ITERATIONS):
+        r2 = x * x + y * y
+        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+        error_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) - distorted[..., 0]
+        error_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y - distorted[..., 1]
+        xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+        yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+        xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
+        determinant = xx * yy - xy * xy
+        step_x = (yy * error_x - xy * error_y) / determinant
+        step_y = (xx * error_y - xy * error_x) / determinant
+        x, y = x - step_x, y - step_y
+        if max(np.abs(step_x).max(initial=0.0), np.abs(step_y).max(initial=0.0)) < (
+            UNDISTORT_TOLERANCE
+        ):
+            break
+    return np.stack([x, y], axis=-1)
