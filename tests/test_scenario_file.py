@@ -40,7 +40,7 @@ def test_a_minimal_file_is_filled_with_defaults(tmp_path: Path) -> None:
     assert scenario.robot.tractor.mass_kg == 0.9
     assert scenario.control.sampling_time_s == 0.033
     assert scenario.initial.kind == "at_rest"
-    assert (scenario.periods, scenario.steps_per_period) == (151, 33)
+    assert (scenario.periods, scenario.steps_per_period) == (151, 66)
 
 
 @pytest.mark.parametrize("name", list(shipped_scenarios()))
@@ -64,7 +64,7 @@ yaw_inertia_kg_m2 = 1e-9
 [plant.contact]
 model_path = "nowhere.xml"
 [control]
-sampling_time_s = 0.0335
+sampling_time_s = 0.03325
 [reference]
 kind = "circle"
 radius_m = "1 m"
@@ -83,8 +83,8 @@ kind = "lyapunow"
         "robot.tractor.yaw_inertia_kg_m2: got nan; allowed: a finite number",
         "robot.trailer.yaw_inertia_kg_m2: a yaw inertia of 1e-09 kg·m² is impossible",
         "plant.contact.model_path: got 'nowhere.xml'; no such file",
-        "control.sampling_time_s: got 0.0335",
-        "nearest: 0.033 and 0.034",
+        "control.sampling_time_s: got 0.03325",
+        "nearest: 0.033 and 0.0335",
         "reference.radius_m: got '1 m'; allowed: a valid number",
         "controller.kind: got 'lyapunow' (did you mean 'lyapunov'?)",
     ):

@@ -142,7 +142,7 @@ def _recorded(experiment: Experiment, folder: Path, progress: Progress | None) -
     ) as recorder:
         result = experiment.run(_reporter(recorder, progress))
         wall_time_s = sum(result.wall_time_s.values())
-        recorder.finish(result_text(metrics_of(result, scenario, wall_time_s)))
+        recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
     return result
 
 
@@ -169,7 +169,9 @@ def summary(scenario: Scenario) -> str:
         "seed": str(scenario.seed),
     }
     table = "\n".join(f"| {key} | {value} |" for key, value in rows.items())
-    return f"# {scenario.name}\n\n{scenario.description}\n\n| setting | value |\n|---|---|\n{table}\n"
+    return (
+        f"# {scenario.name}\n\n{scenario.description}\n\n| setting | value |\n|---|---|\n{table}\n"
+    )
 
 
 RESULT_ROWS = (
@@ -191,11 +193,12 @@ def in_unit(value: float | None, scale: float, unit: str) -> str:
     return "undefined" if value is None else f"{value * scale:.3g} {unit}"
 
 
-def result_text(metrics: dict[str, Any]) -> str:
-    """How it ended, for the recording's text panel."""
+def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
+    """What it was and how it ended, for the recording's text panel."""
+    what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
     status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
     lines = [
         f"| {label} | {in_unit(metrics[key], scale, unit)} |"
         for key, label, scale, unit in RESULT_ROWS
     ]
-    return f"**{status}**\n\n| result | value |\n|---|---|\n" + "\n".join(lines) + "\n"
+    return f"**{status}** · {what}\n\n| result | value |\n|---|---|\n" + "\n".join(lines) + "\n"

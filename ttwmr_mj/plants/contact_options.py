@@ -10,9 +10,9 @@ from ttwmr_mj.robot import Config
 class ContactOptions(Config):
     """Settings of the MuJoCo plant."""
 
-    timestep_s: float = Field(default=0.001, ge=1e-5, le=0.01, description="physics step")
+    timestep_s: float = Field(default=0.0005, ge=1e-5, le=0.01, description="physics step")
     contact_time_constant_s: float = Field(
-        default=0.002, ge=1e-5, le=0.1, description="solref: smaller is stiffer and creeps less"
+        default=0.001, ge=1e-5, le=0.1, description="solref: smaller is stiffer and creeps less"
     )
     friction_impedance_ratio: float = Field(
         default=10.0, ge=1, le=1e5, description="impratio: larger slips less"

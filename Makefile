@@ -1,0 +1,9 @@
+# Shortcuts; everything here also works without make (see README.md).
+.PHONY: run test lint format bench clean
+
+run:      ; python3 bootstrap.py run
+test:     ; python3 bootstrap.py test
+lint:     ; .venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
+format:   ; .venv/bin/ruff check --fix . && .venv/bin/ruff format .
+bench:    ; .venv/bin/python benchmarks/loop_overhead.py
+clean:    ; rm -rf .venv results build dist .pytest_cache .ruff_cache .mypy_cache
