@@ -1,8 +1,8 @@
 """What the closed loop and the recording cost on top of bare physics.
 
 The 50 s lab circle, truth sensing, everything recorded, against the same number of bare `mj_step`
-on the same model, under the same wheel commands, in the same process. The two alternate; medians of ratios are quoted, because a
-shared machine drifts. Run it as
+on the same model, under the same wheel commands, in the same process. The two alternate; medians
+of ratios are quoted, because a shared machine drifts. Run it as
 
     python benchmarks/loop_overhead.py
 
