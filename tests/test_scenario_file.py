@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -129,6 +131,26 @@ def test_overrides_reach_every_depth() -> None:
     assert data["controller"]["segments"][0]["duration_s"] == 2.5
     assert data["plant"] == {"contact": {"timestep_s": 0.0005}, "kind": "analytic"}
     assert data["description"] == "a = b"
+
+
+def leaves(value: object, path: str = "") -> list[tuple[str, object]]:
+    """Every path of plain data that ends in a value, list elements by index."""
+    if isinstance(value, dict):
+        pairs = list(value.items())
+    elif isinstance(value, list):
+        pairs = list(enumerate(value))
+    else:
+        return [(path, value)]
+    return [leaf for key, item in pairs for leaf in leaves(item, f"{path}.{key}".lstrip("."))]
+
+
+@pytest.mark.parametrize("name", ["lab_circle", "open_loop_turn", "waypoints"])
+def test_every_value_of_a_scenario_can_be_set(name: str, tmp_path: Path) -> None:
+    resolved = dump_scenario(load_scenario(name))
+    values = leaves(tomllib.loads(resolved))
+    assert len(values) > 40
+    overrides = [f"{path}={json.dumps(value)}" for path, value in values]
+    assert load_scenario(write(tmp_path, resolved), overrides) == load_scenario(name)
 
 
 @pytest.mark.parametrize("bad", ["novalue", "=3", "a..b=1", "segments.7.x=1", "name.x=1"])
