@@ -165,3 +165,21 @@ def test_broken_physics_is_noticed() -> None:
     plant.advance(np.zeros((2, 2)), 5)
     assert plant.failed().tolist() == [False, True]
     assert plant.fault(1).startswith("Nan, Inf or huge value in Q")
+
+
+def test_a_push_gives_the_impulse_it_should() -> None:
+    """The braked tractor stands; the trailer swings about P: J·Δθ̇2 = F·l·Δt."""
+    robot = RobotParameters()
+    plant = ContactPlant(robot, ContactOptions())
+    plant.reset(RobotState.at_rest(0, 0, 0, 0))
+    force, steps = 0.02, 20
+    plant.push({"trailer": np.array([0.0, force])})
+    plant.advance(np.zeros((1, 2)), steps)
+    rate = plant.state().q_rate[0, 3]
+    # the trailer's COM is behind P: a push to the left turns it clockwise
+    impulse = -force * robot.trailer.com_offset_m * steps * plant.time_step_s
+    # 2 %: the casters' balls roll along, 0.4·m_ball each at the COM's distance, and add to J
+    assert rate == pytest.approx(impulse / robot.swing_inertia_kg_m2, rel=0.02)
+    plant.push({})
+    plant.advance(np.zeros((1, 2)), steps)
+    assert plant.state().q_rate[0, 3] == pytest.approx(rate, rel=0.02)

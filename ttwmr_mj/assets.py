@@ -22,6 +22,11 @@ def scenarios_folder() -> Path:
     return _folder("scenarios")
 
 
+def sweeps_folder() -> Path:
+    """Folder of the shipped suites."""
+    return _folder("sweeps")
+
+
 def shipped_scenarios() -> dict[str, Path]:
     """Name of every shipped scenario and its file, sorted by name."""
     return {path.stem: path for path in sorted(scenarios_folder().glob("*.toml"))}

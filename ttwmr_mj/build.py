@@ -8,16 +8,32 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.controllers.custom import load_controller
+from ttwmr_mj.controllers.flatness import Flatness
 from ttwmr_mj.controllers.lyapunov import Lyapunov
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPid
+from ttwmr_mj.controllers.mpc import Mpc
 from ttwmr_mj.controllers.open_loop import OpenLoop
+from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
+from ttwmr_mj.controllers.tvlqr import Tvlqr
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.base import Reference
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.flat import FlatReference
+from ttwmr_mj.references.flat_circle import FlatCircle
+from ttwmr_mj.references.flat_ellipse import FlatEllipse
+from ttwmr_mj.references.path import ReferencePath, Samples
+from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.references.waypoints import Waypoints
-from ttwmr_mj.scenario import AtRest, LyapunovController, OpenLoopController, Scenario
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario import (
+    AtRest,
+    LyapunovController,
+    LyapunovPidController,
+    OpenLoopController,
+    Scenario,
+)
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
 
@@ -29,13 +45,22 @@ _REFERENCES: dict[str, type[Reference]] = {
     "straight_line": StraightLine,
     "waypoints": Waypoints,
 }
+_FLAT_REFERENCES: dict[str, type[FlatReference]] = {
+    "flat_circle": FlatCircle,
+    "flat_ellipse": FlatEllipse,
+}
 
 
-def make_reference(scenario: Scenario) -> Reference | None:
+def make_reference(scenario: Scenario) -> Samples | None:
     """The reference trajectory, or None for open-loop experiments."""
     section = scenario.reference
     if section.kind == "none":
         return None
+    if section.kind == "planned":
+        return Planned(plan=section.plan, robot=scenario.robot)
+    if section.kind in _FLAT_REFERENCES:
+        settings = dict(section.model_dump(exclude={"kind"}))
+        return _FLAT_REFERENCES[section.kind](robot=scenario.robot, **settings)
     return _REFERENCES[section.kind](**dict(section.model_dump(exclude={"kind"})))
 
 
@@ -48,14 +73,26 @@ def sample_reference(scenario: Scenario) -> ReferencePath | None:
     return reference.sample(scenario.control.sampling_time_s * np.arange(count, dtype=np.float64))
 
 
+def driven_robot(scenario: Scenario) -> RobotParameters:
+    """The robot that is driven, which may be heavier than the one the controller believes in."""
+    factor, robot = scenario.plant.tractor_mass_factor, scenario.robot
+    if factor == 1.0:
+        return robot
+    changed = {
+        "mass_kg": factor * robot.tractor.mass_kg,
+        "yaw_inertia_kg_m2": factor * robot.tractor.yaw_inertia_kg_m2,
+    }
+    return robot.model_copy(update={"tractor": robot.tractor.model_copy(update=changed)})
+
+
 def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     """The plant, not yet reset."""
-    options = scenario.plant
+    options, robot = scenario.plant, driven_robot(scenario)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 
         return AnalyticPlant(
-            scenario.robot,
+            robot,
             nsim=nsim,
             time_step_s=options.contact.timestep_s,
             max_integration_step_s=options.analytic.max_step_s,
@@ -64,22 +101,43 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
-    return ContactPlant(scenario.robot, options.contact, nsim=nsim)
+    return ContactPlant(robot, options.contact, nsim=nsim)
 
 
 def make_controller(scenario: Scenario, folder: Path) -> Controller:
     """The controller, not yet started; `folder` is where a custom one is looked for first."""
     section = scenario.controller
+    if isinstance(section, LyapunovPidController):  # before its base class
+        return LyapunovPid(section)
     if isinstance(section, LyapunovController):
         return Lyapunov(section)
+    if isinstance(section, FlatnessController):
+        return Flatness(section)
+    if isinstance(section, MpcController):  # before its base class
+        return Mpc(section)
+    if isinstance(section, TvlqrController):
+        return Tvlqr(section)
     if isinstance(section, OpenLoopController):
         return OpenLoop(section)
     return load_controller(section, folder)
 
 
-def make_sensor(scenario: Scenario, nsim: int, rng: np.random.Generator) -> Sensor:
-    """The sensor with its latency queue."""
-    return TruthSensor(scenario.sensing, scenario.control.sampling_time_s, nsim, rng)
+def make_sensor(
+    scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path
+) -> Sensor:
+    """The sensor with its latency; `folder` is where a calibration file is looked for.
+
+    Raises:
+        InputError: the calibration cannot be used.
+        MachineError: a camera is asked for and there is no OpenGL.
+    """
+    section, period = scenario.sensing, scenario.control.sampling_time_s
+    if section.kind == "truth":
+        return TruthSensor(section, period, plant.nsim, rng)
+    # OpenGL and OpenCV are loaded only when there is something to see
+    from ttwmr_mj.vision.setup import make_camera_sensor
+
+    return make_camera_sensor(scenario, section, plant, rng, folder)
 
 
 def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int = 1) -> RobotState:

@@ -70,12 +70,54 @@ def make_parser() -> argparse.ArgumentParser:
     _add_scenario_options(run)
     run.add_argument("--out", type=Path, metavar="DIR", help="the run folder")
     run.add_argument("--force", action="store_true", help="write into a folder that is not empty")
+    run.add_argument(
+        "--save-frames",
+        action="append_const",
+        const="output.save_frames=true",
+        dest="overrides",
+        help="keep the camera's frames, with COCO keypoint annotations",
+    )
     run.add_argument("--quiet", action="store_true", help="print nothing but errors")
     validate = command(
         "validate", _validate, "check scenario files and print nothing if all is well"
     )
     validate.add_argument("scenarios", nargs="+", metavar="scenario")
     _add_scenario_options(validate)
+    bench = command("bench", _bench, "run a suite of controllers on tasks and rank them")
+    bench.add_argument("suite", nargs="?", default="quick", help="a TOML file or a shipped suite")
+    bench.add_argument("--out", type=Path, metavar="DIR", help="finished rows in it are reused")
+    bench.add_argument("--rescore", action="store_true", help="score what --out holds, run nothing")
+    bench.add_argument("--workers", type=int, metavar="N", help="processes; default: processors")
+    bench.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    calibrate = command("calibrate", _calibrate, "calibrate a camera with a ChArUco board")
+    calibrate.add_argument(
+        "scenario", nargs="?", default="lab_circle_camera", help="whose simulated camera is shown"
+    )
+    _add_scenario_options(calibrate)
+    calibrate.add_argument(
+        "--images",
+        type=Path,
+        metavar="DIR",
+        help="a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat",
+    )
+    calibrate.add_argument(
+        "--board", type=Path, metavar="PNG", help="write the board to print, and do nothing else"
+    )
+    calibrate.add_argument("--out", type=Path, metavar="YAML", default=Path("calibration.yaml"))
+    track = command("track", _track, "track the robot through a video or a camera's stream")
+    track.add_argument("source", help="a video file, or a camera's index")
+    track.add_argument("--calibration", type=Path, required=True, metavar="YAML")
+    track.add_argument("--scenario", default="lab_circle", help="whose robot is in the pictures")
+    track.add_argument("--frames", type=int, metavar="N", help="stop after N frames")
+    track.add_argument("--out", type=Path, metavar="DIR", help="for poses.parquet and track.rrd")
+    track.add_argument("--force", action="store_true", help="write into a folder that is not empty")
+    track.add_argument("--quiet", action="store_true", help="print nothing but errors")
+    again = command("reproduce", _reproduce, "re-run the article: every figure, every claim")
+    again.add_argument("--out", type=Path, metavar="DIR", default=Path("results/reproduce"))
+    again.add_argument(
+        "--only", action="append", default=[], metavar="FIG", help="one figure; may be given often"
+    )
+    again.add_argument("--quiet", action="store_true", help="print nothing but errors")
     command("list", _list, "list the shipped scenarios")
     view = command("view", _view, "open a recording in the Rerun viewer")
     view.add_argument("recording", nargs="?", type=Path, help="run folder or .rrd; default: newest")
@@ -111,11 +153,12 @@ def _add_scenario_options(parser: argparse.ArgumentParser) -> None:
 def _run(options: argparse.Namespace) -> int:
     from ttwmr_mj.progress import progress_bar
     from ttwmr_mj.run import run_scenario
-    from ttwmr_mj.run_folder import open_run_folder
+    from ttwmr_mj.run_folder import open_folder, results_folder
     from ttwmr_mj.scenario_file import find_scenario, load_scenario
 
     scenario = load_scenario(options.scenario, options.overrides, options.seed)
-    folder = open_run_folder(scenario, options.out, options.force)
+    folder = options.out or results_folder(scenario.name, scenario.seed)
+    open_folder(folder, options.force)
     with progress_bar(scenario.name, scenario.duration_s, "s", options.quiet) as progress:
         run = run_scenario(
             scenario,
@@ -158,6 +201,84 @@ def _validate(options: argparse.Namespace) -> int:
     if faults:
         raise InputError("\n".join(faults))
     return 0
+
+
+def _bench(options: argparse.Namespace) -> int:
+    from ttwmr_mj.progress import progress_bar
+    from ttwmr_mj.run_folder import open_folder, results_folder
+    from ttwmr_mj.studies.bench.execute import run_suite
+    from ttwmr_mj.studies.bench.leaderboard import collect, to_markdown, write_leaderboard
+    from ttwmr_mj.studies.bench.suite import load_suite, rows_of
+
+    suite = load_suite(options.suite)
+    folder = options.out or results_folder("bench", suite.name)
+    open_folder(folder, force=True)
+    if not options.rescore:
+        count = len(list(rows_of(suite)))
+        with progress_bar(suite.name, count, "runs", options.quiet) as progress:
+            run_suite(suite, folder, workers=options.workers, progress=progress)
+    lines = collect(folder)
+    title = f"{suite.name}: {suite.description}" if suite.description else suite.name
+    write_leaderboard(lines, folder, title)
+    if not options.quiet:
+        print(to_markdown(lines, title))
+        print(f"written to {folder}")
+    return 0
+
+
+def _calibrate(options: argparse.Namespace) -> int:
+    from ttwmr_mj.calibrate import calibrate_from_images, calibrate_scenario, write_board
+    from ttwmr_mj.scenario_file import load_scenario
+    from ttwmr_mj.vision.calibration_file import save_calibration
+
+    if options.board is not None:
+        write_board(options.board)
+        return 0
+    if options.images is not None:
+        calibration = calibrate_from_images(options.images)
+    else:
+        scenario = load_scenario(options.scenario, options.overrides, options.seed)
+        calibration = calibrate_scenario(scenario)
+    save_calibration(calibration, options.out)
+    print(
+        f"{calibration.views} views, reprojection {calibration.reprojection_rms_px:.3f} px rms, "
+        f"on the floor {calibration.floor_rms_px:.3f} px rms\nwritten to {options.out}"
+    )
+    return 0
+
+
+def _track(options: argparse.Namespace) -> int:
+    from ttwmr_mj.progress import progress_bar
+    from ttwmr_mj.run_folder import open_folder, results_folder
+    from ttwmr_mj.scenario_file import load_scenario
+    from ttwmr_mj.track import track
+
+    robot = load_scenario(options.scenario).robot
+    folder = options.out or results_folder("track", Path(options.source).stem)
+    open_folder(folder, options.force)
+    with progress_bar("tracking", options.frames, "frames", options.quiet) as progress:
+        done = track(
+            options.source,
+            options.calibration,
+            folder,
+            robot,
+            max_frames=options.frames,
+            progress=progress,
+        )
+    if not options.quiet:
+        print(f"{done.frames} frames, robot known in {done.tracked}\nwritten to {done.folder}")
+    return 0
+
+
+def _reproduce(options: argparse.Namespace) -> int:
+    from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table
+
+    done = reproduce(options.out, options.only, quiet=options.quiet)
+    if not options.quiet:
+        print(f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip())
+    for name, reason in done.failures.items():
+        print(f"ttwmr: {name} could not be run: {reason}", file=sys.stderr)
+    return 1 if done.runs_failed else 0
 
 
 def _list(options: argparse.Namespace) -> int:

@@ -15,8 +15,9 @@ from ttwmr_mj import build
 from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.path import ReferencePath
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.state import BoolArray, RobotState
+from ttwmr_mj.scenario import Push, Scenario
+from ttwmr_mj.sensing import Sensor
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 from ttwmr_mj.stopwatch import Stopwatch
 from ttwmr_mj.trajectory import Trajectory
 
@@ -51,7 +52,7 @@ class Result:
         trajectory: one row per control sample, up to the last one that any simulation reached;
             a simulation's rows after its end repeat nothing and are NaN.
         outcomes: how each simulation ended.
-        wall_time_s: wall time by part of the loop: "plant", "controller" (with sensing), "loop"
+        wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
             (bookkeeping), "report".
     """
 
@@ -71,6 +72,7 @@ class Experiment:
         nsim: simulations in the batch; they differ by their sensor noise only.
         reference: the sampled reference, or None.
         plant: the plant, reset at every run.
+        sensor: made anew at every run; None before the first.
     """
 
     def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
@@ -78,7 +80,9 @@ class Experiment:
         self.nsim = nsim
         self.reference: ReferencePath | None = build.sample_reference(scenario)
         self.plant: Plant = build.make_plant(scenario, nsim)
-        self._controller = build.make_controller(scenario, folder or Path())
+        self.sensor: Sensor | None = None
+        self._folder = folder or Path()
+        self._controller = build.make_controller(scenario, self._folder)
 
     def run(self, report: Report | None = None) -> Result:
         """Run from the initial state to the end, or to where it breaks.
@@ -91,7 +95,10 @@ class Experiment:
         period = scenario.control.sampling_time_s
         steps = scenario.steps_per_period
         rng = build.generators(scenario.seed, ("sensor", "controller"))
-        sensor = build.make_sensor(scenario, nsim, rng["sensor"])
+        self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
+        sensor = self.sensor
+        if report:
+            sensor.keep_log()
         plant.reset(build.initial_state(scenario, self.reference, nsim))
         self._controller.start(
             Task(scenario.robot, self.reference, period, nsim, rng["controller"])
@@ -116,21 +123,27 @@ class Experiment:
                         break
                 watch.lap("loop")
                 estimate = sensor.observe(truth)
+                watch.lap("sensing")
                 try:
                     command = self._controller.command(k, estimate)
                     _check(command, nsim)
+                    sensor.commanded(command.wheel_speed_rad_s)
                 except Exception as error:  # a controller of the user's may raise anything
                     reason = f"the controller raised {type(error).__name__}: {error}"
                     _end_all(ends, nsim, Outcome("failed", reason, k * period, error))
                     break
                 watch.lap("controller")
                 rows.est_q[k], rows.est_q_rate[k] = estimate.state.q, estimate.state.q_rate
-                rows.measurement_age_s[k] = estimate.age_s
+                rows.est_valid[k] = estimate.valid
+                age = estimate.measurement_age_s
+                rows.measurement_age_s[k] = estimate.age_s if age is None else age
                 rows.labels_found[k] = estimate.labels_found
                 rows.wheel_command_rad_s[k] = command.wheel_speed_rad_s
                 rows.saturated[k], rows.near_singular[k] = command.saturated, command.near_singular
                 watch.lap("loop")
                 if k < scenario.periods:
+                    if scenario.plant.pushes:
+                        plant.push(_forces(scenario.plant.pushes, k * period))
                     plant.advance(command.wheel_speed_rad_s, steps)
                 now = watch.lap("plant")
                 if report and now - last_report > REPORT_EVERY_S:
@@ -139,6 +152,8 @@ class Experiment:
         except KeyboardInterrupt:
             reason = "stopped by the user"
             _end_all(ends, nsim, Outcome("interrupted", reason, max(done - 1, 0) * period))
+        finally:
+            sensor.close()
         watch.lap("loop")
         if report:
             report(rows.rows(reported, done))
@@ -175,6 +190,16 @@ def _end(
         else:
             reason = f"the state left all bounds, {ESCAPE:g} m and {ESCAPE:g} rad"
             ends.setdefault(i, Outcome("diverged", reason, time_s))
+
+
+def _forces(pushes: tuple[Push, ...], time_s: float) -> dict[str, FloatArray]:
+    """Half → (2,) sum of the pushes that act in the control period that starts now."""
+    forces: dict[str, FloatArray] = {}
+    for push in pushes:
+        # a hair early, so that a start at a sample belongs to its period
+        if push.start_s - 1e-9 <= time_s < push.start_s + push.duration_s - 1e-9:
+            forces[push.on] = forces.get(push.on, 0.0) + np.array(push.force_n)
+    return forces
 
 
 def _end_all(ends: dict[int, Outcome], nsim: int, outcome: Outcome) -> None:

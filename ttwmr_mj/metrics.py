@@ -86,6 +86,7 @@ def _estimation(trajectory: Trajectory) -> Metrics:
         "estimator_position_rmse_m": _rms(np.hypot(miss[:, 0], miss[:, 1])),
         "estimator_theta1_rmse_rad": _rms(wrap(miss[:, 2])),
         "estimator_theta2_rmse_rad": _rms(wrap(miss[:, 3])),
+        "blind_share": float(1.0 - trajectory.est_valid[:, 0].mean()),
     }
 
 

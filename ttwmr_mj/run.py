@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 from ttwmr_mj.experiment import Experiment, Outcome, Result
 from ttwmr_mj.metrics import Metrics, score
@@ -16,7 +16,11 @@ from ttwmr_mj.trajectory import Trajectory, physics_rate_table, to_table, write_
 
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
+    from ttwmr_mj.recording import RunRecorder
+    from ttwmr_mj.vision.coco import FrameExport
+    from ttwmr_mj.vision.sensor import CameraSensor
 
+LOOP_PARTS = ("plant", "sensing", "controller", "loop")
 PHYSICS_FILE = "physics.parquet"
 Progress = Callable[[float], None]
 
@@ -29,8 +33,7 @@ class Run:
         folder: the run folder.
         outcome: how it ended.
         metrics: as in metrics.json.
-        wall_time_s: by part: "setup", "plant", "controller", "loop", "recording", "files",
-            "figures".
+        wall_time_s: by part: "setup", those of LOOP_PARTS, "recording", "files", "figures".
     """
 
     folder: Path
@@ -67,10 +70,13 @@ def run_scenario(
     if contact:
         contact.keep_physics_rate()
     watch.lap("setup")
+    frames = _frame_export(scenario, folder)
     if scenario.output.recording:
-        result = _recorded(experiment, folder, progress)
+        result = _recorded(experiment, folder, frames, progress)
     else:
-        result = experiment.run(_reporter(None, progress))
+        result = experiment.run(_reporter(experiment, None, frames, progress))
+    if frames is not None:
+        frames.finish()
     watch.lap("recording")
     shares = _shares(watch, result)
     metrics = metrics_of(result, scenario, sum(shares.values()))
@@ -98,7 +104,7 @@ def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
 
 def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
     """Wall time up to now by part; what the loop did not take of "recording" is recording."""
-    loop = {part: result.wall_time_s[part] for part in ("plant", "controller", "loop")}
+    loop = {part: result.wall_time_s.get(part, 0.0) for part in LOOP_PARTS}
     recording_s = watch.parts["recording"] - sum(loop.values())
     return {"setup": watch.parts["setup"], **loop, "recording": recording_s}
 
@@ -112,22 +118,53 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "reason": outcome.reason,
         "end_time_s": outcome.time_s,
         **numbers,
+        "control_time_per_sample_us": _control_time_us(result),
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
     }
 
 
-def _reporter(recorder: Any, progress: Progress | None) -> Callable[[Trajectory], None]:
+def _control_time_us(result: Result) -> float:
+    """Mean wall time of the controller per control sample [µs]."""
+    return 1e6 * result.wall_time_s.get("controller", 0.0) / max(len(result.trajectory), 1)
+
+
+def _reporter(
+    experiment: Experiment,
+    recorder: RunRecorder | None,
+    frames: FrameExport | None,
+    progress: Progress | None,
+) -> Callable[[Trajectory], None]:
+    """What is done with the new rows of a run, and with the frames of its camera."""
+
     def report(rows: Trajectory) -> None:
         if recorder is not None:
             recorder.append(rows)
+        if experiment.scenario.sensing.kind == "camera":
+            sensor = cast("CameraSensor", experiment.sensor)
+            records = sensor.drain_log()
+            if recorder is not None:
+                recorder.append_camera(sensor.trackers[0].camera, sensor.layout, records)
+            if frames is not None:
+                frames.add(records)
         if progress is not None and len(rows):
             progress(float(rows.time_s[-1]))
 
     return report
 
 
-def _recorded(experiment: Experiment, folder: Path, progress: Progress | None) -> Result:
+def _frame_export(scenario: Scenario, folder: Path) -> FrameExport | None:
+    """Where the camera's frames go, if they are wanted; the loader refuses the wish without one."""
+    if not scenario.output.save_frames:
+        return None
+    from ttwmr_mj.vision.coco import FrameExport
+
+    return FrameExport(folder / "frames")
+
+
+def _recorded(
+    experiment: Experiment, folder: Path, frames: FrameExport | None, progress: Progress | None
+) -> Result:
     """Run with a recorder open; the recording is readable whatever happens."""
     from ttwmr_mj.recording import RunRecorder
 
@@ -139,8 +176,9 @@ def _recorded(experiment: Experiment, folder: Path, progress: Progress | None) -
         reference=experiment.reference,
         name=scenario.name,
         summary_markdown=summary(scenario),
+        camera=scenario.sensing.kind == "camera",
     ) as recorder:
-        result = experiment.run(_reporter(recorder, progress))
+        result = experiment.run(_reporter(experiment, recorder, frames, progress))
         wall_time_s = sum(result.wall_time_s.values())
         recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
     return result

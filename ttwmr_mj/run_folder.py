@@ -19,30 +19,31 @@ SCHEMA_VERSION = 1
 LIBRARIES = ("mujoco", "numpy", "rerun-sdk", "opencv-python-headless", "pydantic", "pyarrow")
 
 
-def open_run_folder(scenario: Scenario, out: Path | None, force: bool) -> Path:
-    """Make the folder of a run.
+def results_folder(name: str, suffix: str | int) -> Path:
+    """A new default folder: results/<name>/<UTC time>-<suffix>."""
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3] + "Z"
+    return Path("results") / name / f"{stamp}-{suffix}"
+
+
+def open_folder(folder: Path, force: bool) -> None:
+    """Make a folder for results.
 
     Args:
-        scenario: names the default folder, results/<scenario>/<UTC time>-<seed>.
-        out: another folder; it must be empty or absent.
-        force: use `out` although it holds something; files of the same name are replaced.
+        folder: must be empty or absent.
+        force: use it although it holds something; files of the same name are replaced.
 
     Raises:
         InputError: the folder holds something, or cannot be made.
     """
-    if out is None:
-        stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3] + "Z"
-        out = Path("results") / scenario.name / f"{stamp}-{scenario.seed}"
     try:
-        if not force and out.is_dir() and any(out.iterdir()):
+        if not force and folder.is_dir() and any(folder.iterdir()):
             raise InputError(
-                f"--out {out}: the folder is not empty; give another one, or --force to write "
+                f"--out {folder}: the folder is not empty; give another one, or --force to write "
                 "into it"
             )
-        out.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {out}: cannot make the folder: {error}") from error
-    return out
+        raise InputError(f"--out {folder}: cannot make the folder: {error}") from error
 
 
 def write_text(path: Path, text: str) -> None:
@@ -76,10 +77,19 @@ def write_manifest(folder: Path, scenario: Scenario, command_line: list[str]) ->
         "python": platform.python_version(),
         "platform": platform.platform(),
         "libraries": {name: library_version(name) for name in LIBRARIES},
-        "gl_backend": None,  # nothing was rendered
+        "gl_backend": _gl_backend(scenario),
         "git_commit": git_commit(Path(__file__).resolve().parent),
     }
     write_json(folder / "manifest.json", manifest)
+
+
+def _gl_backend(scenario: Scenario) -> str | None:
+    """What renders this run's frames; None where none are rendered."""
+    if scenario.sensing.kind != "camera":
+        return None
+    from ttwmr_mj.vision.gl import chosen_backend
+
+    return chosen_backend()
 
 
 def library_version(name: str) -> str | None:

@@ -10,8 +10,11 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, field_validator
 
+from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.references.options import FlatCircleReference, FlatEllipseReference, PlannedReference
 from ttwmr_mj.robot import Config, RobotParameters
+from ttwmr_mj.vision.options import CameraSensing
 
 SCHEMA_VERSION = 1
 MAX_DURATION_S = 3600.0
@@ -86,6 +89,9 @@ Reference = Annotated[
     | FigureEightReference
     | StraightLineReference
     | WaypointsReference
+    | FlatCircleReference
+    | FlatEllipseReference
+    | PlannedReference
     | NoReference,
     Field(discriminator="kind"),
 ]
@@ -105,6 +111,40 @@ class LyapunovController(Config):
     )
     regularization_m_s: float = Field(
         default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
+    )
+
+
+class LyapunovPidController(LyapunovController):
+    """Laws (47) and (70): law (32) and a correction for θ2, with the gains of Table II.
+
+    The defaults are what the article prints, but for `singular_terms`.
+    """
+
+    kind: Literal["lyapunov_pid"]  # type: ignore[assignment]  # the tag of another law
+    correction: Literal["pid", "spring_damper"] = Field(
+        default="pid", description="what γ aims at: PID about θ2d (Eq. 61), or Eq. 60"
+    )
+    gamma: Literal["exact", "constant", "regularized"] = Field(
+        default="constant", description="1/D as in Eq. 48, constant ρ (Eq. 71), or D/(D² + ε²)"
+    )
+    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
+    gamma_regularization_m_s2: float = Field(
+        default=0.1, gt=0, le=1e3, description="ε of D/(D² + ε²), when regularized"
+    )
+    gamma_limit: float | None = Field(
+        default=None, gt=0, le=1e12, description="|γ| is cut to this; left out: never"
+    )
+    k_p: float = Field(default=48.0, ge=0, le=1e6, description="Table II [1/s²]")
+    k_i: float = Field(default=64.0, ge=0, le=1e6, description="Table II [1/s³]")
+    k_d: float = Field(default=12.0, ge=0, le=1e6, description="Table II [1/s]")
+    k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
+    c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
+    theta2_reference: Literal["reference", "tractor"] = Field(
+        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1"
+    )
+    anti_windup: Literal["none", "conditional"] = Field(
+        default="none",
+        description="conditional: the integral holds while γ is cut or a wheel saturates",
     )
 
 
@@ -132,7 +172,14 @@ class CustomController(Config):
 
 
 Controller = Annotated[
-    LyapunovController | OpenLoopController | CustomController, Field(discriminator="kind")
+    LyapunovController
+    | LyapunovPidController
+    | FlatnessController
+    | TvlqrController
+    | MpcController
+    | OpenLoopController
+    | CustomController,
+    Field(discriminator="kind"),
 ]
 
 
@@ -172,10 +219,30 @@ class AnalyticOptions(Config):
     )
 
 
+class Push(Config):
+    """A force on one half of the robot for a while (contact plant only).
+
+    It acts at that chassis' centre of mass, in every control period that starts within its time.
+    """
+
+    on: Literal["tractor", "trailer"] = "trailer"
+    start_s: float = Field(ge=0, le=MAX_DURATION_S)
+    duration_s: float = Field(gt=0, le=MAX_DURATION_S)
+    force_n: Point = Field(description="x, y in the world")
+
+
 class Plant(Config):
-    """What is driven: contact physics or the analytic model."""
+    """What is driven: contact physics or the analytic model, and what disturbs it."""
 
     kind: Literal["contact", "analytic"] = "contact"
+    tractor_mass_factor: float = Field(
+        default=1.0,
+        gt=0.1,
+        le=10,
+        description="mass and inertia of the driven tractor, as a share of what robot.* says and "
+        "the controller believes",
+    )
+    pushes: Annotated[tuple[Push, ...], Field(strict=False)] = ()
     contact: ContactOptions = ContactOptions()
     analytic: AnalyticOptions = AnalyticOptions()
 
@@ -191,6 +258,9 @@ class TruthSensing(Config):
     rate_noise_rad_s: float = Field(default=0.0, ge=0, le=100, description="standard deviation")
 
 
+Sensing = Annotated[TruthSensing | CameraSensing, Field(discriminator="kind")]
+
+
 class Control(Config):
     """The sampled loop."""
 
@@ -202,6 +272,9 @@ class Output(Config):
 
     recording: bool = Field(default=True, description="run.rrd for the Rerun viewer")
     figures: bool = Field(default=True, description="figures/*.png and *.svg")
+    save_frames: bool = Field(
+        default=False, description="frames/: the camera's pictures with COCO annotations"
+    )
     physics_rate: bool = Field(
         default=False, description="physics.parquet: the state at every physics step (contact)"
     )
@@ -221,13 +294,18 @@ class Scenario(Config):
     reference: Reference
     control: Control = Control()
     controller: Controller
-    sensing: TruthSensing = TruthSensing()
+    sensing: Sensing = TruthSensing()
     output: Output = Output()
 
     @field_validator("initial", mode="before")
     @classmethod
     def _start_at_rest_unless_told(cls, given: Any) -> Any:
         return {"kind": "at_rest", **given} if isinstance(given, dict) else given
+
+    @field_validator("sensing", mode="before")
+    @classmethod
+    def _truth_unless_told(cls, given: Any) -> Any:
+        return {"kind": "truth", **given} if isinstance(given, dict) else given
 
     @property
     def periods(self) -> int:

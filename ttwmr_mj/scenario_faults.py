@@ -135,6 +135,19 @@ def cross_faults(scenario: Scenario, folder: Path) -> list[Fault]:
         faults.append(Fault(("reference", "kind"), "got 'none'; lyapunov needs a reference"))
     if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
         faults.append(Fault(("initial", "kind"), "got 'on_reference'; there is no reference"))
+    if scenario.plant.pushes and scenario.plant.kind == "analytic":
+        message = "got pushes; only plant.kind = 'contact' can be pushed"
+        faults.append(Fault(("plant", "pushes"), message))
+    if scenario.output.save_frames and scenario.sensing.kind != "camera":
+        message = f"got true; sensing.kind is {scenario.sensing.kind!r}, allowed: 'camera'"
+        faults.append(Fault(("output", "save_frames"), message))
+    calibration = getattr(scenario.sensing, "calibration_path", None)
+    if calibration is not None and not (folder / calibration).is_file():
+        message = (
+            f"got {calibration!r}; no such file ({os.fspath(folder / calibration)}); make it with "
+            "ttwmr calibrate, or leave the key out to calibrate before the run"
+        )
+        faults.append(Fault(("sensing", "calibration_path"), message))
     if scenario.output.physics_rate and scenario.plant.kind == "analytic":
         message = "got true; only plant.kind = 'contact' steps at a physics rate"
         faults.append(Fault(("output", "physics_rate"), message))

@@ -14,6 +14,7 @@ from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario import MAX_DURATION_S, Scenario
 from ttwmr_mj.scenario_faults import Fault, Keys, cross_faults, fault_of, suggestion
+from ttwmr_mj.vision.options import CameraSensing
 
 
 def find_scenario(name_or_path: str) -> Path:
@@ -83,12 +84,20 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     faults += [fault for fault in cross_faults(scenario, folder) if not _touches(fault, wrong)]
     if faults:
         raise _input_error(source, faults)
-    if scenario.plant.contact.model_path is not None:
-        absolute = str((folder / scenario.plant.contact.model_path).resolve())
-        contact = scenario.plant.contact.model_copy(update={"model_path": absolute})
-        plant = scenario.plant.model_copy(update={"contact": contact})
-        scenario = scenario.model_copy(update={"plant": plant})
-    return scenario
+    return _with_absolute_paths(scenario, folder)
+
+
+def _with_absolute_paths(scenario: Scenario, folder: Path) -> Scenario:
+    """The scenario with its file names made independent of where it lies."""
+    plant, sensing = scenario.plant, scenario.sensing
+    if plant.contact.model_path is not None:
+        path = str((folder / plant.contact.model_path).resolve())
+        contact = plant.contact.model_copy(update={"model_path": path})
+        plant = plant.model_copy(update={"contact": contact})
+    if isinstance(sensing, CameraSensing) and sensing.calibration_path is not None:
+        path = str((folder / sensing.calibration_path).resolve())
+        sensing = sensing.model_copy(update={"calibration_path": path})
+    return scenario.model_copy(update={"plant": plant, "sensing": sensing})
 
 
 def set_value(data: dict[str, Any], override: str) -> None:

@@ -18,15 +18,17 @@ class Estimate:
 
     Attributes:
         state: estimated q and rates, (nsim, 4) each.
-        age_s: (nsim,) time since the state it describes.
+        age_s: (nsim,) time since the state it describes; 0 where latency is compensated.
         valid: (nsim,) False while the sensor is blind.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
+        measurement_age_s: (nsim,) age of the newest measurement in it; None: `age_s`.
     """
 
     state: RobotState
     age_s: FloatArray
     valid: BoolArray
     labels_found: FloatArray
+    measurement_age_s: FloatArray | None = None
 
 
 class Sensor(Protocol):
@@ -34,6 +36,18 @@ class Sensor(Protocol):
 
     def observe(self, truth: RobotState) -> Estimate:
         """Take this sample's measurement and return the one that has arrived by now."""
+        ...
+
+    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
+        """Hear the wheel speeds (nsim, 2) that hold from now on for one period."""
+        ...
+
+    def keep_log(self) -> None:
+        """From now on, keep what was seen for whoever reports on the run."""
+        ...
+
+    def close(self) -> None:
+        """Give back what the sensor holds."""
         ...
 
 
@@ -80,3 +94,12 @@ class TruthSensor:
             noise = self._rng.standard_normal((truth.nsim, 2, 4)) * self._noise
             truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
         return self._queue.exchange(Estimate(truth, self._fresh, self._valid, self._no_labels))
+
+    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
+        """Commands tell the truth nothing new."""
+
+    def keep_log(self) -> None:
+        """The trajectory holds all there is."""
+
+    def close(self) -> None:
+        """Nothing is held."""

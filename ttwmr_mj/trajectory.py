@@ -32,7 +32,8 @@ class Trajectory:
         est_q, est_q_rate: (n, nsim, 4) what the controller saw.
         wheel_command_rad_s: (n, nsim, 2) commanded from this sample on (right, left).
         wheel_speed_rad_s: (n, nsim, 2) true wheel speeds (right, left).
-        measurement_age_s: (n, nsim) age of what the controller saw.
+        est_valid: (n, nsim) False where the sensor was blind and said so.
+        measurement_age_s: (n, nsim) age of the newest measurement in what the controller saw.
         labels_found: (n, nsim) labels the camera found; NaN without a camera.
         saturated: (n, nsim) the command had to be cut to the servo's range.
         near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
@@ -50,6 +51,7 @@ class Trajectory:
     est_q_rate: FloatArray
     wheel_command_rad_s: FloatArray
     wheel_speed_rad_s: FloatArray
+    est_valid: BoolArray
     measurement_age_s: FloatArray
     labels_found: FloatArray
     saturated: BoolArray
@@ -83,6 +85,7 @@ class Trajectory:
             est_q_rate=unknown(4),
             wheel_command_rad_s=unknown(2),
             wheel_speed_rad_s=unknown(2),
+            est_valid=np.ones((n, nsim), dtype=np.bool_),
             measurement_age_s=np.zeros((n, nsim)),
             labels_found=np.full((n, nsim), np.nan),
             saturated=np.zeros((n, nsim), dtype=np.bool_),
@@ -124,7 +127,7 @@ def to_table(trajectory: Trajectory) -> pa.Table:
         ("_rad_s", one["wheel_speed_rad_s"]),
     ):
         columns |= {name + suffix: values[:, i] for i, name in enumerate(WHEEL_NAMES)}
-    for name in ("measurement_age_s", "labels_found", "saturated", "near_singular"):
+    for name in ("est_valid", "measurement_age_s", "labels_found", "saturated", "near_singular"):
         columns[name] = one[name].astype(np.float64)
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
@@ -191,6 +194,7 @@ def read_parquet(path: Path) -> Trajectory:
         est_q_rate=prefixed("est_", RATE_NAMES),
         wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
         wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
+        est_valid=columns(("est_valid",))[..., 0] > 0,
         measurement_age_s=columns(("measurement_age_s",))[..., 0],
         labels_found=columns(("labels_found",))[..., 0],
         saturated=columns(("saturated",))[..., 0] > 0,

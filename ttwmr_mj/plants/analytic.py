@@ -108,6 +108,15 @@ class AnalyticPlant:
         """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
         return self._wheels.copy()
 
+    def push(self, forces_n: dict[str, FloatArray]) -> None:
+        """Refused: the tractor's motion is prescribed, a force on it has no meaning here.
+
+        Raises:
+            InputError: always, if there is a force.
+        """
+        if forces_n:
+            raise InputError("plant.pushes: only plant.kind = 'contact' can be pushed")
+
     def joint_positions(self) -> FloatArray:
         """(nsim, 0): the model has no joints."""
         return np.empty((self.nsim, 0))

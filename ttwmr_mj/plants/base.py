@@ -34,6 +34,10 @@ class Plant(Protocol):
         """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
         ...
 
+    def push(self, forces_n: dict[str, FloatArray]) -> None:
+        """From now on, push "tractor" or "trailer" with forces (2,) or (nsim, 2), world frame."""
+        ...
+
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo's generalized positions; nq = 0 where there is no such thing."""
         ...

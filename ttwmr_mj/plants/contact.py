@@ -59,6 +59,8 @@ class ContactPlant:
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
+        self._forces = self._batch.bind("xfrc_applied")
+        self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
         self._free_qpos = int(self.model.joint("tractor").qposadr[0])
         self._free_qvel = int(self.model.joint("tractor").dofadr[0])
@@ -154,6 +156,17 @@ class ContactPlant:
         if passed:
             self._passed.append((passed["qpos"], passed["qvel"]))
         self._setpoint = control[:, -1]
+
+    def push(self, forces_n: dict[str, FloatArray]) -> None:
+        """From now on, push the halves' chassis at their centres of mass.
+
+        Args:
+            forces_n: "tractor" or "trailer" → (2,) or (nsim, 2) force, world frame; a half that is
+                not named is left alone.
+        """
+        self._forces[:] = 0.0
+        for half, force in forces_n.items():
+            self._forces[:, self._halves[half], :2] = force
 
     def keep_physics_rate(self) -> None:
         """From now on, keep the state after every physics step, for `physics_rate_states`."""

@@ -6,13 +6,14 @@ import numpy as np
 import rerun.blueprint as rrb
 from rerun import TimeRange, TimeRangeBoundary
 
-from ttwmr_mj.recording.plots import PLOTS
+from ttwmr_mj.recording.plots import PLOTS, SENSING
 from ttwmr_mj.recording.scene import P_MARKER, TRACTOR_PATH, TRAILER_PATH
 from ttwmr_mj.recording.timeline import TIMELINE
 from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.state import FloatArray
 
 REPORT = "report"
+PICTURE = "camera/picture"  # where `camera_view` puts the frames
 # By default, plots of more than a minute show a window that travels with the time cursor.
 WHOLE_RUN = rrb.TimeAxis(
     view_range=TimeRange(start=TimeRangeBoundary.infinite(), end=TimeRangeBoundary.infinite())
@@ -21,44 +22,54 @@ FOLLOWING_EYE_M = (-0.36, -0.36, 0.34)  # from P, seen over its right shoulder w
 OVERHEAD_ASPECT = 1.2  # width per height of the view from above
 
 
-def blueprint(name: str, reference: ReferencePath | None, floor_m: FloatArray) -> rrb.Blueprint:
+def blueprint(
+    name: str, reference: ReferencePath | None, floor_m: FloatArray, *, camera: bool = False
+) -> rrb.Blueprint:
     """The layout.
 
     Args:
         name: of the run, over its text panel.
         reference: decides which errors exist and get a plot.
         floor_m: (2, 2) lower and upper corner of the floor, to be seen whole from above.
+        camera: show the camera's picture and how well the robot is known.
     """
     empty = _empty_plots(reference)
+    text = rrb.TextDocumentView(origin=REPORT, name=name)
+    motion = _grid("Motion", [plot for plot in PLOTS if plot not in (*SENSING, *empty)])
+    right: rrb.Grid | rrb.Tabs = motion
+    if camera:
+        picture = rrb.Spatial2DView(origin=PICTURE, name="Camera", background=(24, 26, 30))
+        below = rrb.Horizontal(picture, text, column_shares=[5, 3])
+        right = rrb.Tabs(motion, _grid("Estimation", [*SENSING, "theta1", "theta2"]))
+    else:
+        above = _scene("From above", _overhead_eye(floor_m))
+        below = rrb.Horizontal(above, text)
     left = rrb.Vertical(
-        _scene("Robot", _following_eye()),
-        rrb.Horizontal(
-            _scene("From above", _overhead_eye(floor_m)),
-            rrb.TextDocumentView(origin=REPORT, name=name),
-        ),
-        row_shares=[3, 2],
-    )
-    plots = (
-        rrb.TimeSeriesView(
-            origin=f"plots/{plot}",
-            name=looks.title,
-            plot_legend=rrb.PlotLegend(looks.legend, visible=looks.legend is not None),
-            axis_x=WHOLE_RUN,
-        )
-        for plot, looks in PLOTS.items()
-        if plot not in empty
-    )
-    flags = rrb.StateTimelineView(
-        origin="flags", name="commands at their limits", time_view=WHOLE_RUN
+        _scene("Robot", _following_eye()), below, row_shares=[1, 1] if camera else [3, 2]
     )
     return rrb.Blueprint(
-        rrb.Horizontal(left, rrb.Grid(*plots, flags, grid_columns=2)),
+        rrb.Horizontal(left, right),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),
         auto_views=False,
         auto_layout=False,
     )
+
+
+def _grid(name: str, plots: list[str]) -> rrb.Grid:
+    """Plots over the whole run, and the flags."""
+    views = (
+        rrb.TimeSeriesView(
+            origin=f"plots/{plot}",
+            name=PLOTS[plot].title,
+            plot_legend=rrb.PlotLegend(PLOTS[plot].legend, visible=PLOTS[plot].legend is not None),
+            axis_x=WHOLE_RUN,
+        )
+        for plot in plots
+    )
+    flags = rrb.StateTimelineView(origin="flags", name="limits and tracker", time_view=WHOLE_RUN)
+    return rrb.Grid(*views, flags, grid_columns=2, name=name)
 
 
 def _empty_plots(reference: ReferencePath | None) -> set[str]:

@@ -8,6 +8,7 @@ import numpy as np
 import rerun as rr
 from rerun.blueprint import Corner2D
 
+from ttwmr_mj.angles import wrap
 from ttwmr_mj.curves import Curves
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
@@ -99,7 +100,24 @@ PLOTS: dict[str, Plot] = {
             "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
         },
     ),
+    "estimate_error": Plot("estimation error of P [mm]", None, {"seen": _single(style.ESTIMATE)}),
+    "estimate_angle_error": Plot(
+        "estimation errors of the angles [mrad]",
+        Corner2D.RightTop,
+        {
+            "theta1": Series(("θ1",), (style.TRACTOR,)),
+            "theta2": Series(("θ2",), (style.TRAILER,)),
+        },
+    ),
+    "measurement_age": Plot(
+        "age of the newest measurement [ms]", None, {"seen": _single(style.ESTIMATE)}
+    ),
 }
+SENSING = (
+    "estimate_error",
+    "estimate_angle_error",
+    "measurement_age",
+)  # worth a look with a camera
 FLAGS = ("saturated", "near_singular")
 
 
@@ -191,4 +209,9 @@ def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]
         "true": rows.wheel_speed_rad_s[:, 0],
         "command": rows.wheel_command_rad_s[:, 0],
     }
+    miss = wrap(seen[:, 2:] - q[:, 2:])
+    values["estimate_error"] = {"seen": 1e3 * np.hypot(*(seen - q)[:, :2].T)[:, None]}
+    values["estimate_angle_error"] = {"theta1": 1e3 * miss[:, [0]], "theta2": 1e3 * miss[:, [1]]}
+    aged = np.where(np.isfinite(seen[:, :1]), 1e3 * rows.measurement_age_s, np.nan)
+    values["measurement_age"] = {"seen": aged[:, :1]}
     return values

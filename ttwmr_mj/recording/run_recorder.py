@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from uuid import uuid4
 
 import mujoco
@@ -22,6 +23,12 @@ from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.trajectory import Trajectory
 
+if TYPE_CHECKING:
+    from ttwmr_mj.recording.camera_view import CameraView
+    from ttwmr_mj.vision.camera import CameraModel
+    from ttwmr_mj.vision.labels import LabelLayout
+    from ttwmr_mj.vision.log import CameraRecord
+
 
 class RunRecorder:
     """Writes the first simulation of a run for the Rerun viewer.
@@ -36,6 +43,7 @@ class RunRecorder:
         reference: the whole reference to draw as a path; None draws none.
         name: of the recording, as the viewer lists it.
         summary_markdown: what is known before the run (scenario, seed, ...).
+        camera: whether a camera's view will be added (`append_camera`).
 
     Raises:
         InputError: the file cannot be created.
@@ -50,6 +58,7 @@ class RunRecorder:
         reference: ReferencePath | None,
         name: str,
         summary_markdown: str,
+        camera: bool = False,
     ) -> None:
         rr.set_strict_mode(True)  # else wrong calls only warn
         self._robot = robot
@@ -57,8 +66,9 @@ class RunRecorder:
         self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
         self._stream.set_log_time_enabled(False)
         floor_m = floor_corners(reference)
+        layout = blueprint(name, reference, floor_m, camera=camera)
         try:
-            self._stream.save(path, default_blueprint=blueprint(name, reference, floor_m))
+            self._stream.save(path, default_blueprint=layout)
         except RuntimeError as error:
             raise InputError(f"{path}: cannot be written as a recording: {error}") from error
         self._open = True
@@ -67,6 +77,7 @@ class RunRecorder:
         self._report(summary_markdown)
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
+        self._camera: CameraView | None = None
 
     def append(self, rows: Trajectory) -> None:
         """Record the next rows, in the order of time: a second of them, or a whole run at once.
@@ -82,6 +93,24 @@ class RunRecorder:
         curves = Curves.of(rows, self._robot)
         self._scene.append(now, rows, curves)
         self._plots.append(now, rows, curves)
+        self._stream.flush()
+
+    def append_camera(
+        self, camera: CameraModel, layout: LabelLayout, records: Sequence[CameraRecord]
+    ) -> None:
+        """Record what a camera saw since the last call.
+
+        Args:
+            camera: the calibrated camera.
+            layout: the labels on the robot.
+            records: one per control period, oldest first.
+        """
+        self._check_open()
+        if self._camera is None:
+            from ttwmr_mj.recording.camera_view import CameraView
+
+            self._camera = CameraView(self._stream, camera, layout)
+        self._camera.append(records)
         self._stream.flush()
 
     def finish(self, result_markdown: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -23,6 +24,8 @@ class ReferencePath:
         theta: (n, batch, 2) θ1 and θ2 [rad], unwrapped; NaN where the reference defines none.
         theta_rate: (n, batch, 2) [rad/s]; NaN where undefined.
         theta_acceleration: (n, batch, 2) [rad/s²]; NaN where undefined.
+        flat_derivatives: (n, batch, 5, 2) the trailer's centre of oscillation and its derivatives
+            to the fourth, of references given by it (`references.flat`).
     """
 
     time_s: FloatArray
@@ -30,6 +33,7 @@ class ReferencePath:
     theta: FloatArray
     theta_rate: FloatArray
     theta_acceleration: FloatArray
+    flat_derivatives: FloatArray | None = None
 
     @property
     def position_m(self) -> FloatArray:
@@ -65,3 +69,11 @@ class ReferencePath:
     def theta2_rad(self) -> FloatArray:
         """(n, batch) orientation of the trailer, NaN where undefined."""
         return self.theta[..., 1]
+
+
+class Samples(Protocol):
+    """Anything that can be sampled as a reference."""
+
+    def sample(self, time_s: FloatArray) -> ReferencePath:
+        """The reference at times (n,) [s]."""
+        ...

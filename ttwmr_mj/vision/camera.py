@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import mujoco
 import numpy as np
 
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.options import CameraOptions, Lens
 
-UNDISTORT_ITERATIONS = 20  # Newton converges in 3 or 4 where the lens is monotonic
-UNDISTORT_TOLERANCE = 1e-12
+# OpenCV stops after five steps unless told
+UNTIL_CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-13)
+_UNIT = np.eye(3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +82,16 @@ class CameraModel:
         return float(depth / np.sqrt(self.focal_px[0] * self.focal_px[1]))
 
 
+def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> None:
+    """Move a scene's camera to the height the options ask for, if they do.
+
+    Raises:
+        KeyError: the scene has no camera of that name.
+    """
+    if options.height_m is not None:
+        model.cam_pos[model.camera(options.name).id, 2] = options.height_m
+
+
 def true_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     """The camera of a scene as it really is, with this lens.
 
@@ -125,26 +137,9 @@ def distort(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:
 
 
 def undistort(distorted: FloatArray, coefficient: FloatArray) -> FloatArray:
-    """The inverse of `distort`, by Newton's method with its exact Jacobian."""
-    if not coefficient.any():
+    """The inverse of `distort`, by OpenCV's fixed-point iteration carried to convergence."""
+    if not coefficient.any() or not distorted.size:
         return np.array(distorted)
-    k1, k2, p1, p2, k3 = coefficient
-    x, y = np.array(distorted[..., 0]), np.array(distorted[..., 1])
-    for _ in range(UNDISTORT_ITERATIONS):
-        r2 = x * x + y * y
-        radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
-        slope = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
-        error_x = x * radial + 2.0 * p1 * x * y + p2 * (r2 + 2.0 * x * x) - distorted[..., 0]
-        error_y = y * radial + p1 * (r2 + 2.0 * y * y) + 2.0 * p2 * x * y - distorted[..., 1]
-        xx = radial + slope * x * x + 2.0 * p1 * y + 6.0 * p2 * x
-        yy = radial + slope * y * y + 6.0 * p1 * y + 2.0 * p2 * x
-        xy = slope * x * y + 2.0 * p1 * x + 2.0 * p2 * y
-        determinant = xx * yy - xy * xy
-        step_x = (yy * error_x - xy * error_y) / determinant
-        step_y = (xx * error_y - xy * error_x) / determinant
-        x, y = x - step_x, y - step_y
-        if max(np.abs(step_x).max(initial=0.0), np.abs(step_y).max(initial=0.0)) < (
-            UNDISTORT_TOLERANCE
-        ):
-            break
-    return np.stack([x, y], axis=-1)
+    points = np.ascontiguousarray(distorted, dtype=np.float64).reshape(-1, 1, 2)
+    slopes = cv2.undistortPoints(points, _UNIT, coefficient, criteria=UNTIL_CONVERGED)
+    return np.asarray(slopes, dtype=np.float64).reshape(distorted.shape)

@@ -5,9 +5,9 @@ Light is a share of the sensor's full scale, so 0.02 of noise is 2 %, or 5 of 25
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from ttwmr_mj.robot import Config
 
@@ -127,6 +127,9 @@ class CameraOptions(Config):
     """The overhead camera with its sensor model."""
 
     name: str = Field(default="overhead", description="of the camera in the scene file")
+    height_m: float | None = Field(
+        default=None, gt=0.2, le=20, description="above the floor; left out: as in the scene file"
+    )
     width_px: int = Field(default=640, ge=64, le=4096)
     height_px: int = Field(default=480, ge=64, le=4096)
     supersampling: Literal[1, 3, 5] = Field(
@@ -142,10 +145,10 @@ class TrackerOptions(Config):
     """How labels are looked for and fused with the commanded wheel speeds."""
 
     label_noise_px: float = Field(
-        default=0.06, gt=0, le=10, description="standard deviation of a label's centre, one axis"
+        default=0.02, gt=0, le=10, description="standard deviation of a label's centre, one axis"
     )
     calibration_noise_m: float = Field(
-        default=0.0001, ge=0, le=1, description="standard deviation of what calibration left over"
+        default=0.00003, ge=0, le=1, description="standard deviation of what calibration left over"
     )
     speed_noise_m_s: float = Field(
         default=0.003, gt=0, le=10, description="how far P's speed strays from the wheels'"
@@ -181,3 +184,43 @@ LAB_LENS = Lens(
 )
 LAB_NOISE = Noise(read_noise=0.018, shot_noise=0.012, gain_drift=0.02, white_balance_drift=0.01)
 LAB_CAMERA = CameraOptions(lens=LAB_LENS, exposure=Exposure(exposure_s=0.008), noise=LAB_NOISE)
+PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
+
+
+class CameraSensing(Config):
+    """The robot seen by the overhead camera, and by nothing else."""
+
+    kind: Literal["camera"]
+    preset: Literal["lab", "clean"] = Field(
+        default="lab", description="camera values that are not given: lab-like, or flawless"
+    )
+    latency_s: float = Field(
+        default=0.033, ge=0, le=10, description="shutter to arrival, whole control periods"
+    )
+    calibration_path: str | None = Field(
+        default=None,
+        description="file of `ttwmr calibrate`, relative to the scenario; left out: the camera "
+        "is calibrated before the run, through the same sensor model",
+    )
+    camera: CameraOptions = LAB_CAMERA
+    tracker: TrackerOptions = TrackerOptions()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_from_preset(cls, given: Any) -> Any:
+        if not isinstance(given, dict) or given.get("preset", "lab") not in PRESETS:
+            return given
+        camera = given.get("camera", {})
+        if not isinstance(camera, dict):
+            return given
+        base = PRESETS[given.get("preset", "lab")].model_dump()
+        return {**given, "camera": _merge(base, camera)}
+
+
+def _merge(base: dict[str, Any], given: dict[str, Any]) -> dict[str, Any]:
+    """`base` with the given values put in, table by table."""
+    merged = dict(base)
+    for key, value in given.items():
+        both = isinstance(value, dict) and isinstance(base.get(key), dict)
+        merged[key] = _merge(base[key], value) if both else value
+    return merged

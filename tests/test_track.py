@@ -1,0 +1,129 @@
+"""Calibrate and track as a user does: real processes, real image files, a real video."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.experiment import Experiment
+from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.trajectory import Trajectory
+
+CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
+RATE_HZ = 1.0 / 0.033
+
+
+def ttwmr(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ttwmr_mj", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectory]:
+    """A compressed video of a driven robot through the lab-like camera, and the truth."""
+    scenario = load_scenario("lab_circle_camera", ["duration_s=4.0", "sensing.latency_s=0.0"])
+    experiment = Experiment(scenario, scenarios_folder())
+    path = tmp_path_factory.mktemp("video") / "lab.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), RATE_HZ, (640, 480))
+    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, 90)
+    assert writer.isOpened()
+
+    def film(rows: Trajectory) -> None:
+        del rows
+        for record in experiment.sensor.drain_log():
+            writer.write(record.frame.image)
+
+    trajectory = experiment.run(film).trajectory
+    writer.release()
+    return path, trajectory
+
+
+def test_a_video_is_tracked_to_the_truth(video: tuple[Path, Trajectory], tmp_path: Path) -> None:
+    path, truth = video
+    done = ttwmr("track", path, "--calibration", CALIBRATION, "--out", "out", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    poses = pq.read_table(tmp_path / "out" / "poses.parquet")
+    assert poses.num_rows == len(truth)
+    assert (poses["valid"].to_numpy()[1:] == 1.0).all()
+    miss = np.stack([poses["x_m"].to_numpy(), poses["y_m"].to_numpy()], -1) - truth.q[:, 0, :2]
+    # the lab-like camera's single frames are good to 0.5 mm rms, and JPEG costs a little
+    assert np.sqrt((miss**2).sum(axis=1).mean()) < 0.001
+    for name, column in (("theta1_rad", 2), ("theta2_rad", 3)):
+        off = np.angle(np.exp(1j * (poses[name].to_numpy() - truth.q[:, 0, column])))
+        assert np.degrees(np.sqrt((off**2).mean())) < 0.5
+    assert (tmp_path / "out" / "track.rrd").stat().st_size > 500_000
+
+
+def test_tracking_stops_after_as_many_frames_as_asked(
+    video: tuple[Path, Trajectory], tmp_path: Path
+) -> None:
+    arguments = ["track", video[0], "--calibration", CALIBRATION, "--frames", "7", "--out", "out"]
+    assert "7 frames" in ttwmr(*arguments, cwd=tmp_path).stdout
+    assert pq.read_table(tmp_path / "out" / "poses.parquet").num_rows == 7
+
+
+def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
+    done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    storage = cv2.FileStorage(str(tmp_path / "mine.yaml"), cv2.FILE_STORAGE_READ)
+    assert storage.getNode("views").real() >= 20
+    assert storage.getNode("reprojection_rms_px").real() <= 0.15
+    matrix = storage.getNode("camera_matrix").mat()
+    # the true focal length: 240 px / tan(41.1°/2); a thousandth is 0.4 mm at the picture's edge
+    assert matrix[0, 0] == pytest.approx(240 / np.tan(np.radians(41.1 / 2)), rel=1e-3)
+
+
+def test_the_board_can_be_printed(tmp_path: Path) -> None:
+    assert ttwmr("calibrate", "--board", "board.png", cwd=tmp_path).returncode == 0
+    board = cv2.imread(str(tmp_path / "board.png"), cv2.IMREAD_GRAYSCALE)
+    assert set(np.unique(board)) <= set(range(256))
+    assert min(board.shape) > 500
+
+
+@pytest.mark.parametrize(
+    ("make", "arguments", "expected"),
+    [
+        ("", ["track", "no.avi", "--calibration", "CAL"], "no.avi: no such video file"),
+        ("torn.avi", ["track", "torn.avi", "--calibration", "CAL"], "torn.avi: "),
+        ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "has 320×240 px"),
+        ("bad.yaml", ["track", "small.avi", "--calibration", "bad.yaml"], "bad.yaml: "),
+        ("", ["track", "small.avi", "--calibration", "no.yaml"], "no such calibration file"),
+        ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
+        ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
+        ("", ["calibrate", "lab_circle"], "there is no camera to calibrate"),
+    ],
+)
+def test_bad_input_is_exit_code_2_with_what_to_do(
+    make: str, arguments: list[str], expected: str, tmp_path: Path
+) -> None:
+    _make(make, tmp_path)
+    done = ttwmr(*[CALIBRATION if word == "CAL" else word for word in arguments], cwd=tmp_path)
+    assert done.returncode == 2, done.stdout
+    assert expected in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def _make(name: str, folder: Path) -> None:
+    if name == "torn.avi":
+        (folder / name).write_bytes(b"RIFF" + bytes(5000))
+    if name == "small.avi":
+        writer = cv2.VideoWriter(
+            str(folder / name), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (320, 240)
+        )
+        writer.write(np.zeros((240, 320, 3), np.uint8))
+        writer.release()
+    if name == "bad.yaml":
+        (folder / name).write_text("%YAML:1.0\n---\nimage_width: [640\n")
+    if name == "blank":
+        for part in ("held", "origin"):
+            (folder / name / part).mkdir(parents=True)
+            for i in range(10):
+                blank = np.full((480, 640, 3), 200, np.uint8)
+                cv2.imwrite(str(folder / name / part / f"{i}.png"), blank)

@@ -1,0 +1,129 @@
+"""Calibration finds the camera back; its file is checked on the way in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from vision_scene import lab_calibration, model
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.vision.board import BoardCamera, BoardDetector
+from ttwmr_mj.vision.calibration import BoardViews, calibrate, calibrate_images
+from ttwmr_mj.vision.calibration_file import load_calibration, save_calibration
+from ttwmr_mj.vision.camera import true_camera
+from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions
+
+
+def test_board_corners_are_found_to_a_fiftieth_of_a_pixel() -> None:
+    source = BoardCamera(CameraOptions(), np.random.default_rng(0))
+    # at 1.9 m a square measures 27 px; three places in a pixel
+    for x in (0.0, 0.0007, 0.0013):
+        view = BoardDetector().find(source.take(np.array([x, 0.0, 0.003]), np.eye(3), 0.0))
+        assert view is not None
+        assert len(view.pixels) == 24
+        points = np.column_stack([view.points_m, np.full(24, 0.003)]) + [x, 0.0, 0.0]
+        error = view.pixels - source.true.project(points)
+        assert np.abs(error).max() < 0.02
+
+
+def test_calibration_recovers_the_true_camera() -> None:
+    calibration, true = lab_calibration(), true_camera(model(), LAB_CAMERA)
+    found = calibration.camera
+    assert calibration.views >= 20
+    assert calibration.reprojection_rms_px < 0.15
+    assert calibration.floor_rms_px < 0.15
+    # 24 corners in some 30 views at 0.02 px: a tenth of a pixel in focal length and axis
+    assert found.focal_px == pytest.approx(true.focal_px, abs=0.5)
+    assert found.principal_px == pytest.approx(true.principal_px, abs=0.5)
+    assert found.distortion[:2] == pytest.approx(true.distortion[:2], abs=0.01)
+    assert found.position_m == pytest.approx(true.position_m, abs=2e-3)
+
+
+def test_calibrated_rays_meet_the_floor_within_a_fifth_of_a_millimetre() -> None:
+    found, true = lab_calibration().camera, true_camera(model(), LAB_CAMERA)
+    x, y = np.meshgrid(np.linspace(-0.65, 0.65, 9), np.linspace(-0.6, 0.6, 9))
+    points = np.column_stack([x.ravel(), y.ravel(), np.full(81, 0.0696)])
+    error = found.to_plane(true.project(points), 0.0696) - points[:, :2]
+    assert np.linalg.norm(error, axis=1).max() < 2e-4
+
+
+def test_a_file_brings_every_number_back(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yml"
+    save_calibration(lab_calibration(), path)
+    loaded, saved = load_calibration(path, (640, 480)), lab_calibration()
+    assert loaded.camera.matrix == pytest.approx(saved.camera.matrix, abs=1e-12)
+    assert loaded.camera.distortion == pytest.approx(saved.camera.distortion, abs=1e-14)
+    assert loaded.camera.rotation == pytest.approx(saved.camera.rotation, abs=1e-14)
+    assert loaded.camera.position_m == pytest.approx(saved.camera.position_m, abs=1e-14)
+    assert loaded.views == saved.views
+
+
+def test_another_resolution_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "camera.yml"
+    save_calibration(lab_calibration(), path)
+    with pytest.raises(InputError, match=r"640×480 px, but the images have 1280×720"):
+        load_calibration(path, (1280, 720))
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        ("", "cannot be read"),
+        ("not: [yaml", "cannot be read"),
+        ("%YAML:1.0\n---\nimage_width: 640\n", "lacks the key camera_matrix"),
+        ("\x00\x01\x02", "cannot be read"),
+    ],
+)
+def test_unreadable_files_say_what_to_do(tmp_path: Path, content: str, message: str) -> None:
+    path = tmp_path / "camera.yml"
+    path.write_text(content)
+    with pytest.raises(InputError, match=message) as caught:
+        load_calibration(path)
+    assert "ttwmr calibrate" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("image_width: 640", "image_width: -640", "whole number"),
+        ("rows: 3", "rows: 2", "damaged|shape|cannot be read"),
+        ("image_height", "image_hight", "lacks the key image_height"),
+    ],
+)
+def test_damaged_values_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "camera.yml"
+    save_calibration(lab_calibration(), path)
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(InputError, match=message):
+        load_calibration(path)
+
+
+def test_missing_file_and_unwritable_folder(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="no such calibration file"):
+        load_calibration(tmp_path / "none.yml")
+    with pytest.raises(InputError, match="cannot be written"):
+        save_calibration(lab_calibration(), tmp_path / "none" / "camera.yml")
+
+
+def test_no_boards_no_calibration(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="board was found in 0 views"):
+        calibrate(BoardViews([], [], []), 640, 480)
+    blank = tmp_path / "blank.png"
+    cv2.imwrite(str(blank), np.full((480, 640, 3), 200, dtype=np.uint8))
+    with pytest.raises(InputError, match="board was found in 0 views"):
+        calibrate_images([blank], [blank], [])
+
+
+def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
+    paths = [tmp_path / "a.png", tmp_path / "b.png"]
+    for path, size in zip(paths, ((480, 640, 3), (240, 320, 3)), strict=True):
+        cv2.imwrite(str(path), np.zeros(size, dtype=np.uint8))
+    with pytest.raises(InputError, match="320×240 px, but"):
+        calibrate_images(paths, [], [])
+    with pytest.raises(InputError, match="cannot be read as an image"):
+        calibrate_images([tmp_path / "none.png"], [], [])
+    with pytest.raises(InputError, match="no images given"):
+        calibrate_images([], [], [])

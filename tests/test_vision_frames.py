@@ -1,0 +1,212 @@
+"""Frames, their truth, the sensor model, and everything that can go wrong with them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from vision_scene import camera, random_pose, with_faults
+
+from ttwmr_mj.errors import MachineError
+from ttwmr_mj.vision import gl
+from ttwmr_mj.vision.delivery import DeliveryFaults
+from ttwmr_mj.vision.frame import DISTRACTOR_CLASS, FIRST_LABEL_CLASS, OCCLUDER_CLASS, Frame
+from ttwmr_mj.vision.noise import SensorNoise
+from ttwmr_mj.vision.options import (
+    LAB_CAMERA,
+    CameraOptions,
+    Delivery,
+    Exposure,
+    Lens,
+    Noise,
+    Window,
+)
+from ttwmr_mj.vision.renderer import Region
+from ttwmr_mj.vision.virtual_camera import VirtualCamera
+
+POSE = np.array([0.3, 0.2, 0.5, 1.4])
+STILL = np.zeros(4)
+
+
+def shot(
+    options: CameraOptions, q_rate: np.ndarray = STILL, *, segmentation: bool = False, seed: int = 0
+) -> Frame:
+    source = camera(options, seed)
+    return source.take(source.posture.positions(POSE), q_rate, 1.0, segmentation=segmentation)
+
+
+def class_centre(frame: Frame, number: int) -> np.ndarray:
+    assert frame.truth is not None
+    assert frame.truth.segmentation is not None
+    rows, columns = np.nonzero(frame.truth.segmentation == number)
+    return np.array([columns.mean(), rows.mean()])
+
+
+def test_segmentation_shows_each_label_where_the_truth_projects_it() -> None:
+    # a mask's mean is good to a fraction of a pixel: 125 whole pixels
+    frame = shot(LAB_CAMERA, segmentation=True)
+    assert frame.truth is not None
+    for i, centre in enumerate(frame.truth.centres_px):
+        assert class_centre(frame, FIRST_LABEL_CLASS + i) == pytest.approx(centre, abs=0.25)
+    assert frame.truth.visible == pytest.approx(np.ones(4))
+
+
+def test_a_region_has_the_bits_of_the_whole() -> None:
+    source = camera()
+    renderer = source._renderer
+    renderer.place(source.posture.positions(POSE))
+    whole = renderer.robot(Region(100, -400, 600, 100))
+    part = renderer.robot(Region(207, -311, 401, -5))
+    assert np.array_equal(part, whole[89:395, 107:301])
+    assert part.any()
+
+
+def test_a_frame_is_timed_in_the_middle_of_its_exposure() -> None:
+    moving = np.array([0.3, 0.0, 0.0, 0.0])
+    frame = shot(CameraOptions(exposure=Exposure(exposure_s=0.02)), moving)
+    assert frame.time_s == pytest.approx(0.99)
+    assert frame.truth is not None
+    assert frame.truth.q == pytest.approx(POSE - 0.01 * moving)
+
+
+def test_motion_blur_smears_along_the_motion_only() -> None:
+    still = shot(CameraOptions()).image.astype(int)
+    moving = np.array([0.5, 0.0, 0.0, 0.0])
+    blurred = shot(CameraOptions(exposure=Exposure(exposure_s=0.03)), moving).image.astype(int)
+    steepest = [np.abs(np.diff(image, axis=1)).max() for image in (still, blurred)]
+    across = [np.abs(np.diff(image, axis=0)).max() for image in (still, blurred)]
+    assert steepest[1] < 0.6 * steepest[0]
+    assert across[1] > 0.8 * across[0]
+
+
+def test_defocus_softens_edges() -> None:
+    sharp, soft = shot(CameraOptions()), shot(CameraOptions(lens=Lens(defocus_px=1.5)))
+    edges = [np.abs(np.diff(f.image.astype(int), axis=1)).max() for f in (sharp, soft)]
+    assert edges[1] < 0.5 * edges[0]
+
+
+def test_noise_has_the_asked_deviation() -> None:
+    light = np.full((120, 160, 3), 160, dtype=np.uint8)
+    options = Noise(read_noise=0.02, shot_noise=0.01)
+    sensor = SensorNoise(options, 160, 120, np.random.default_rng(0))
+    first, second = (sensor.read(light, t).astype(float) for t in (0.0, 0.033))
+    expected = 255.0 * np.hypot(0.02, 0.01 * np.sqrt(160 / 255))
+    # 57600 samples, and a twelfth of a grey level squared from rounding
+    assert first.std() == pytest.approx(np.hypot(expected, np.sqrt(1 / 12)), rel=0.02)
+    assert first.mean() == pytest.approx(160.0, abs=0.1)
+    assert abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.02
+
+
+def test_gain_and_white_balance_drift_slowly() -> None:
+    light = np.full((4, 4, 3), 128, dtype=np.uint8)
+    options = Noise(gain_drift=0.1, white_balance_drift=0.1, drift_time_s=5.0)
+    sensor = SensorNoise(options, 4, 4, np.random.default_rng(1))
+    levels = np.array([sensor.read(light, 0.033 * k)[0, 0] for k in range(3000)], dtype=float)
+    assert np.abs(np.diff(levels, axis=0)).max() < 12
+    assert 5.0 < levels.std(axis=0).mean() < 30.0
+    assert not np.array_equal(levels[:, 0], levels[:, 2])
+
+
+def test_same_seed_same_bits_other_seed_other_noise() -> None:
+    first, again, other = (shot(LAB_CAMERA, seed=seed).image for seed in (3, 3, 4))
+    assert np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+def test_occluder_glare_distractor_and_fading_show() -> None:
+    plain = shot(CameraOptions())
+    faults = with_faults(
+        CameraOptions(),
+        occluders=[{"over": "trailer", "diameter_m": 0.16}],
+        glare=[{"position_px": (100.0, 100.0), "start_s": 0.5, "end_s": 2.0}],
+        distractors=[{"colour_of": "trailer_rear", "position_m": (-0.5, -0.3)}],
+        faded=[{"label": "tractor_front", "fading": 0.6}],
+    )
+    frame = shot(faults, segmentation=True)
+    assert frame.truth is not None
+    assert frame.truth.visible == pytest.approx([1.0, 1.0, 0.0, 0.0])
+    assert class_centre(frame, OCCLUDER_CLASS)[0] > 0
+    ideal = camera().true.project(np.array([-0.5, -0.3, 0.0]))
+    assert class_centre(frame, DISTRACTOR_CLASS) == pytest.approx(ideal, abs=0.3)
+    assert frame.image[100, 100].min() == 255
+    column, row = np.rint(frame.truth.centres_px[0]).astype(int)
+    colour = [np.ptp(f.image[row, column].astype(int)) for f in (plain, frame)]
+    assert colour[1] < 0.6 * colour[0]
+
+
+def test_labels_outside_of_the_picture_are_not_visible() -> None:
+    source = camera()
+    frame = source.take(source.posture.positions(np.array([0.97, 0.0, np.pi, 0.0])), STILL, 0.0)
+    assert frame.truth is not None
+    assert frame.truth.visible[0] == 1.0
+    assert frame.truth.visible[1] < 0.5
+
+
+def test_a_robot_far_away_leaves_an_empty_floor() -> None:
+    source = camera()
+    frame = source.take(source.posture.positions(np.array([5.0, 5.0, 0.0, 0.0])), STILL, 0.0)
+    assert np.ptp(frame.image.astype(int)) < 30
+
+
+def frames_delivered(options: Delivery, count: int = 200) -> list[list[float]]:
+    faults = DeliveryFaults(options, np.random.default_rng(0))
+    image = np.zeros((1, 1, 3), dtype=np.uint8)
+    delivered = []
+    for k in range(count):
+        frames = faults.deliver(float(k), lambda k=k: Frame(image + np.uint8(k % 250), k, None))
+        delivered.append([float(frame.time_s) for frame in frames])
+    return delivered
+
+
+def test_dropped_frames_never_come() -> None:
+    delivered = frames_delivered(Delivery(dropped=0.2))
+    assert sum(map(len, delivered)) == pytest.approx(160, abs=20)
+    assert all(times in ([], [float(k)]) for k, times in enumerate(delivered))
+
+
+def test_late_frames_come_in_order_and_all() -> None:
+    delivered = frames_delivered(Delivery(late=0.3, late_periods=3))
+    times = [time for frames in delivered for time in frames]
+    assert times == sorted(times)
+    assert len(times) >= 197
+    assert max(k - time for k, frames in enumerate(delivered) for time in frames) == 3.0
+
+
+def test_a_blackout_is_dark_as_long_as_it_lasts() -> None:
+    delivered = frames_delivered(Delivery(blackouts=(Window(start_s=10.0, end_s=20.0),)), 30)
+    assert [k for k, frames in enumerate(delivered) if not frames] == list(range(10, 20))
+
+
+def test_frozen_frames_repeat_the_picture_with_a_new_time() -> None:
+    faults = DeliveryFaults(Delivery(frozen=1.0), np.random.default_rng(0))
+    rng, seen = np.random.default_rng(1), []
+    for k in range(3):
+        image = rng.integers(255, size=(2, 2, 3), dtype=np.uint8)
+        seen += faults.deliver(float(k), lambda k=k, image=image: Frame(image, float(k), None))
+    assert np.array_equal(seen[0].image, seen[2].image)
+    assert [frame.time_s for frame in seen] == [0.0, 1.0, 2.0]
+
+
+def test_without_opengl_the_error_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(gl, "find_backend", lambda: None)
+    gl.chosen_backend.cache_clear()
+    try:
+        with pytest.raises(MachineError, match="apt-get install libegl1 libgl1 libgl1-mesa-dri"):
+            gl.make_context()
+    finally:
+        gl.chosen_backend.cache_clear()
+
+
+def test_two_cameras_do_not_disturb_each_other() -> None:
+    options, rng = CameraOptions(), np.random.default_rng(6)
+    q = random_pose(rng)
+
+    def take(source: VirtualCamera) -> np.ndarray:
+        return source.take(source.posture.positions(q), STILL, 0.0).image
+
+    first = camera(options)
+    before = take(first)
+    second = camera(options)
+    assert np.array_equal(take(second), before)
+    second.close()
+    assert np.array_equal(take(first), before)

@@ -1,0 +1,149 @@
+"""Dynamic feedback linearisation of the trailer's centre of oscillation F.
+
+With t = (cos θ2, sin θ2), n to its left and a hitch that adds d to θ̈2 (friction, or what the
+observer found), the equation of motion is k·θ̈2 = P''·n + k·d. Then
+
+    F''   = a·t − k·d·n,                    a = P''·t + k·θ̇2²
+    F'''  = (a' + k·d·θ̇2)·t + a·θ̇2·n                              (d slow)
+    F'''' = (a'' − a·θ̇2² + k·d·θ̈2)·t + (2a'·θ̇2 + a·θ̈2 + k·d·θ̇2²)·n
+
+so that (a, a') as states of the controller and the choice
+
+    θ̈2 = (s·n − 2a'·θ̇2 − k·d·θ̇2²)/a,   a'' = s·t + a·θ̇2² − k·d·θ̈2,
+    P'' = (a − k·θ̇2²)·t + k·(θ̈2 − d)·n
+
+make F'''' = s. With e = F − F_ref, as a complex number,
+
+    s = F_ref'''' − 4λe''' − 6λ²e'' − 4λ³e' − λ⁴e − (λ + iω)⁴·ξ·τ,     ξ' = κλ·e/τ,
+
+where τ = t as a complex number, which turns at ω: what remains of e on a circle turns with the
+trailer, and so must the integral; the factor (λ + iω)⁴ undoes the chain's delay at that frequency.
+
+Stability: with D = d/dt, (D + λ)⁴(D − iω)·e + κλ(λ + iω)⁴·e = 0 at constant ω. At κ = 0 its roots
+are −λ, four times, and the integral's iω, which moves to iω − κλ to first order in κ; at ω = 0 all
+are stable up to κ = 0.57. So e → 0 exponentially for small κ. It assumes that a ≠ 0 (else θ2 is
+undefined: a is kept above a share of the reference's), a period short against 1/λ, no saturated
+wheel, P' ≠ 0, and that d changes slowly. The whole state is covered: F, F', F'', F''' determine P,
+P', θ2 and θ̇2, and θ1 follows P'. There are no zero dynamics, trailer outside or inside.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.controllers.observer import Observer, Seen, wheels_turn
+from ttwmr_mj.controllers.options import FlatnessController
+from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.dynamics.flatness import ComplexArray, dot, trailer_axes
+from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
+from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray, RobotState
+
+
+class Flatness(Controller):
+    """The law above, on the observer's state, with the wheel map of the article's law."""
+
+    def __init__(self, options: FlatnessController) -> None:
+        self._options = options
+
+    def start(self, task: Task) -> None:
+        """Take the reference; raise InputError if it is not one of F."""
+        if task.reference is None or task.reference.flat_derivatives is None:
+            raise InputError(
+                "controller.kind = 'flatness' needs a reference of the trailer's centre of "
+                "oscillation: reference.kind = 'flat_circle' or 'flat_ellipse'"
+            )
+        self._flat = task.reference.flat_derivatives
+        direction, _ = trailer_axes(task.reference.theta2_rad)
+        along = dot(self._flat[:, :, 2], direction)
+        self._sign = np.sign(along[0])
+        self._least = self._options.least_acceleration_share * np.abs(along)
+        self._friction = HitchFriction(task.robot, self._options.friction)
+        robot = self._friction.believed
+        self._length, self._period = robot.swing_length_m, task.sampling_time_s
+        self._model = SampledModel(robot, task.sampling_time_s)
+        self._observer = Observer(robot, self._model, self._options.observer)
+        self._wheels = AccelerationToWheels(robot, task.sampling_time_s, task.nsim)
+        self._robot = robot
+        self._along = np.broadcast_to(along[0], (task.nsim,)).copy()
+        self._along_rate = np.broadcast_to(dot(self._flat[0, :, 3], direction[0]), (task.nsim,))
+        self._turn = task.reference.theta_rate[:, :, 1]
+        self._integral: ComplexArray = np.zeros(task.nsim, dtype=np.complex128)
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """One sample of the law."""
+        seen = self._observer.update(estimate)
+        rate, T = seen.body[:, 4], self._period
+        swing = seen.swing + self._hitch(seen)
+        s, error = self._fourth_derivative(k, seen, swing)
+        t, n = trailer_axes(seen.body[:, 3])
+        a, a_rate, pull = self._along, self._along_rate, self._length * swing
+        turn = (dot(s, n) - 2.0 * a_rate * rate - pull * rate**2) / a
+        bend = dot(s, t) + a * rate**2 - pull * turn
+        # means over the period, along axes turned to its middle
+        t, n = trailer_axes(seen.body[:, 3] + 0.5 * T * rate)
+        surge = a + 0.5 * T * a_rate + T * T / 6.0 * bend - self._length * rate**2
+        sway = self._length * (turn - swing)
+        acceleration = surge[:, None] * t + sway[:, None] * n
+        command = self._wheels.command(acceleration, self._state(seen))
+        after = self._observer.commanded(command.wheel_speed_rad_s)
+        self._advance(k, a + T * a_rate + 0.5 * T * T * bend, a_rate + T * bend, seen, after, command)
+        rate_per_s = self._options.integral_share * self._options.bandwidth_per_s
+        self._integral = self._integral + T * rate_per_s * error * ~command.saturated
+        return command
+
+    def _hitch(self, seen: Seen) -> FloatArray:
+        """(nsim,) θ̈2 that the hitch is believed to cause: spring, damper, smoothed friction."""
+        slide = seen.body[:, 4] - wheels_turn(seen.wheels, self._robot) - seen.slip[:, 2]
+        spring = spring_damper_acceleration(seen.body[:, 3] - seen.body[:, 2], slide, self._robot)
+        return spring + self._friction.swing(seen)
+
+    def _fourth_derivative(
+        self, k: int, seen: Seen, swing: FloatArray
+    ) -> tuple[FloatArray, ComplexArray]:
+        """s (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
+        reference = self._flat[k]
+        rate, a, pull = seen.body[:, 4], self._along, self._length * swing
+        t, n = trailer_axes(seen.body[:, 3])
+        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
+        e = seen.body[:, :2] - self._length * t - reference[:, 0]
+        e1 = velocity - (self._length * rate)[:, None] * n - reference[:, 1]
+        e2 = a[:, None] * t - pull[:, None] * n - reference[:, 2]
+        e3 = (self._along_rate + pull * rate)[:, None] * t + (a * rate)[:, None] * n
+        e3 = e3 - reference[:, 3]
+        w = self._options.bandwidth_per_s
+        s = reference[:, 4] - 4 * w * e3 - 6 * w**2 * e2 - 4 * w**3 * e1 - w**4 * e
+        i = (w + 1j * self._turn[k]) ** 4 * self._integral
+        s = s - i.real[:, None] * t - i.imag[:, None] * n
+        return s, dot(e, t) + 1j * dot(e, n)
+
+    def _advance(
+        self,
+        k: int,
+        along: FloatArray,
+        along_rate: FloatArray,
+        seen: Seen,
+        after: Seen,
+        command: Command,
+    ) -> None:
+        """The controller's own states one period on: from what was possible, where wheels were cut."""
+        change = self._model.velocity(after.body, after.wheels, after.slip)
+        change = change - self._model.velocity(seen.body, seen.wheels, seen.slip)
+        t, _ = trailer_axes(0.5 * (seen.body[:, 3] + after.body[:, 3]))
+        possible = dot(change, t) / self._period + self._length * after.body[:, 4] ** 2
+        cut = command.saturated
+        size = self._sign * np.where(cut, possible, along)
+        least = self._least[k]
+        self._along = self._sign * np.maximum(size, least)
+        self._along_rate = np.where(cut | (size < least), 0.0, along_rate)
+
+    def _state(self, seen: Seen) -> RobotState:
+        """What the wheel map asks for; it looks at rates only at the first sample."""
+        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
+        turn = wheels_turn(seen.wheels, self._robot)
+        rates = np.column_stack([velocity, turn, seen.body[:, 4]])
+        return RobotState(q=seen.body[:, :4], q_rate=rates)

@@ -1,0 +1,178 @@
+"""The article's Lyapunov-PID law (Eq. 47-48, 60-61, 68-71): law (32) plus a correction for θ2.
+
+The tractor's law v (Eq. 32) is turned by a scalar γ (Eq. 55),
+
+    v̄1 = v1 + α4·e4·γ        v̄2 = v2 − α2·e2·γ
+
+which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq. 58's sign mended,
+
+    k·θ̈2 = A − D·γ,   A = −v1·sin θ2 + v2·cos θ2,   D = α4·e4·sin θ2 + α2·e2·cos θ2
+
+so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open is an option of the scenario:
+
+- `correction`: the w wanted. "pid" (default) is Eq. 62 about θ2d with the gains of Table II;
+  "spring_damper" is Eq. 60, A/k plus a spring and a damper as Eq. 41 prints them.
+- `gamma`: what stands for 1/D. "constant" (default) is ρ of Eq. 69-71; "exact" is Eq. 48, where
+  D = 0 counts as γ = 0; "regularized" is D/(D² + ε²).
+- `gamma_limit`: |γ| is cut to it; none by default, as printed.
+- `anti_windup`: "none" (default, as printed) integrates always; "conditional" holds the integral
+  while γ is cut or a wheel saturates.
+- `theta2_reference`: "reference" (default) takes θ2d from the scenario's reference; "tractor"
+  takes θ1, its rate, and no acceleration.
+- `singular_terms`: as in `controllers.lyapunov`; "omitted" by default, unlike the print.
+
+Two facts to know before use. The correction turns (e2, e4) at the rate α·γ, for α2 = α4 = α, and
+is nothing where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact
+the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errata.md).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.angles import wrap
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.lyapunov import gains, law
+from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import LyapunovPidController
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray
+
+
+def denominator(
+    e_rate: FloatArray, theta2_rad: FloatArray, options: LyapunovPidController
+) -> FloatArray:
+    """D = α4·e4·sin θ2 + α2·e2·cos θ2 (Eq. 48), (...), of e_rate = (e2, e4) (..., 2) [m/s²]."""
+    weighted = gains(options)[0] * e_rate
+    return np.asarray(weighted[..., 1] * np.sin(theta2_rad) + weighted[..., 0] * np.cos(theta2_rad))
+
+
+def sideways(v: FloatArray, theta2_rad: FloatArray) -> FloatArray:
+    """A = −v1·sin θ2 + v2·cos θ2, (...): P's acceleration across the trailer [m/s²]."""
+    return np.asarray(v[..., 1] * np.cos(theta2_rad) - v[..., 0] * np.sin(theta2_rad))
+
+
+def pid_acceleration(
+    error_rad: FloatArray,
+    error_rate_rad_s: FloatArray,
+    integral_rad_s: FloatArray,
+    feedforward_rad_s2: FloatArray | float,
+    options: LyapunovPidController,
+) -> FloatArray:
+    """Wanted θ̈2, w of Eq. 62, (...) [rad/s²], of e5 = θ2 − θ2d (Eq. 63), its rate and its integral."""
+    return np.asarray(
+        feedforward_rad_s2
+        - options.k_d * error_rate_rad_s
+        - options.k_p * error_rad
+        - options.k_i * integral_rad_s
+    )
+
+
+def spring_push(
+    hitch_angle_rad: FloatArray, hitch_rate_rad_s: FloatArray, options: LyapunovPidController
+) -> FloatArray:
+    """k_t·(θ1 − θ2) + c_t·(θ̇1 − θ̇2) of Eq. 59-60, (...), added to k·θ̈2 as Eq. 41 prints it."""
+    return np.asarray(-options.k_t * hitch_angle_rad - options.c_t * hitch_rate_rad_s)
+
+
+def gamma(
+    excess: FloatArray, d: FloatArray, options: LyapunovPidController
+) -> tuple[FloatArray, BoolArray]:
+    """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut.
+
+    Args:
+        excess: (...) what the correction shall take from k·θ̈2 [m/s²].
+        d: (...) D of Eq. 48 [m/s²].
+        options: how to divide, and the limit.
+
+    Returns:
+        γ (...) [no unit, but for "constant", where ρ carries that of 1/D], cut or not (...).
+    """
+    if options.gamma == "constant":
+        wish = options.rho * excess
+    elif options.gamma == "regularized":
+        wish = excess * d / (d * d + options.gamma_regularization_m_s2**2)
+    else:
+        wish = np.divide(excess, d, out=np.zeros_like(excess), where=d != 0.0)
+    limit = np.inf if options.gamma_limit is None else options.gamma_limit
+    return np.clip(wish, -limit, limit), np.abs(wish) > limit
+
+
+def corrected(
+    v: FloatArray, e_rate: FloatArray, gamma_: FloatArray, options: LyapunovPidController
+) -> FloatArray:
+    """v̄ = v + γ·(α4·e4, −α2·e2) (Eq. 49, 55), all (..., 2) but γ (...) [m/s²]."""
+    weighted = gains(options)[0] * e_rate
+    turned = np.stack([weighted[..., 1], -weighted[..., 0]], axis=-1)
+    return np.asarray(v + gamma_[..., None] * turned)
+
+
+class LyapunovPid(Controller):
+    """Laws (47) and (70) and the map of Eq. 27-28 to wheel speeds.
+
+    v_d is the reference's mean acceleration over the coming period, as in `Lyapunov`. The integral
+    of e5 is advanced by the rectangle rule. e5 is taken on the circle, in [−π, π); where the
+    reference defines no θ2d the correction pauses.
+    """
+
+    def __init__(self, options: LyapunovPidController) -> None:
+        self._options = options
+
+    def start(self, task: Task) -> None:
+        """Take the reference; raise InputError if there is none, or none for θ2."""
+        options, reference = self._options, task.reference
+        if reference is None:
+            raise InputError("controller.kind = 'lyapunov_pid' needs a reference; got kind 'none'")
+        needs_theta2 = options.correction == "pid" and options.theta2_reference == "reference"
+        if needs_theta2 and np.isnan(reference.theta2_rad).all():
+            raise InputError(
+                "controller.theta2_reference = 'reference' needs a reference of θ2; got "
+                "reference.theta2 = 'none': give 'aligned' or 'outward' there, or 'tractor' here"
+            )
+        self._reference = reference
+        self._period = task.sampling_time_s
+        self._swing_length_m = task.robot.swing_length_m
+        self._mean_acceleration = np.diff(reference.velocity_m_s, axis=0) / task.sampling_time_s
+        self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
+        self._integral: FloatArray = np.zeros(task.nsim)
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """One sample of the law on the estimated state."""
+        options, state, reference = self._options, estimate.state, self._reference
+        e_rate = state.q_rate[:, :2] - reference.velocity_m_s[k]
+        v = law(
+            state.q[:, :2] - reference.position_m[k], e_rate, self._mean_acceleration[k], options
+        )
+        theta2 = state.q[:, THETA2]
+        if options.correction == "pid":
+            error, error_rate, feedforward = self._theta2_error(k, estimate)
+            wanted = pid_acceleration(error, error_rate, self._integral, feedforward, options)
+            excess = sideways(v, theta2) - self._swing_length_m * wanted
+        else:
+            error = np.zeros_like(theta2)
+            hitch_rate = state.q_rate[:, THETA2] - state.q_rate[:, THETA1]
+            excess = -spring_push(state.hitch_angle_rad, hitch_rate, options)
+        undefined = np.isnan(excess)
+        excess = np.where(undefined, 0.0, excess)
+        turn, cut = gamma(excess, denominator(e_rate, theta2, options), options)
+        command = self._wheels.command(corrected(v, e_rate, turn, options), state)
+        hold = undefined
+        if options.anti_windup == "conditional":
+            hold = hold | cut | command.saturated
+        self._integral = self._integral + np.where(hold, 0.0, self._period * error)
+        return command
+
+    def _theta2_error(
+        self, k: int, estimate: Estimate
+    ) -> tuple[FloatArray, FloatArray, FloatArray | float]:
+        """e5 (Eq. 63) on the circle, its rate, and θ̈2d, (nsim,) each; NaN where undefined."""
+        state, reference = estimate.state, self._reference
+        angle, rate = state.q[:, THETA2], state.q_rate[:, THETA2]
+        if self._options.theta2_reference == "tractor":
+            return wrap(angle - state.q[:, THETA1]), rate - state.q_rate[:, THETA1], 0.0
+        return (
+            wrap(angle - reference.theta2_rad[k]),
+            rate - reference.theta_rate[k, :, 1],
+            reference.theta_acceleration[k, :, 1],
+        )

@@ -1,0 +1,213 @@
+"""Model predictive control: the coming second, optimised anew every period.
+
+Minimises the stage cost of `tracking_problem` over a horizon on the sampled nonlinear model, from
+the observer's state and with its disturbances taken to last, under the servos' limits. The cost
+beyond the horizon is the cost to go of the time-varying LQR about the reference.
+
+Every period: roll the last plan out from where the robot really is, linearise along it, one
+Gauss-Newton step by the Riccati recursion, roll out a few lengths of that step with commands cut to
+the servos' limits, keep the best. One step a period suffices, as the plan is warm-started and the
+error of one period is small.
+
+Stability: locally, in the classical way. The final cost is a Lyapunov function of the linearised
+loop under the LQR law, which is feasible near the reference; so the last plan continued by that law
+costs less than the last plan by one stage cost, and the step kept costs no more than it (length
+zero is among the candidates): the cost to go decreases along the loop. It assumes what the
+time-varying LQR assumes near the reference (P moves, the reference is feasible with room to spare);
+far from it there is no proof, but the nonlinear model and the limits are in the plan, which is what
+a linear law lacks.
+
+Time: a command that takes longer than a period comes too late on a real robot. Such overruns are
+counted in `overruns` and logged; the command is used all the same, so that results do not depend on
+the machine's load.
+"""
+
+from __future__ import annotations
+
+import logging
+from time import perf_counter
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.angles import wrap
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.controllers.observer import Observer, Seen
+from ttwmr_mj.controllers.options import MpcController
+from ttwmr_mj.controllers.riccati import backward
+from ttwmr_mj.controllers.tracking_problem import STATES, Target, TrackingProblem
+from ttwmr_mj.controllers.tvlqr import apply, fit, with_disturbances
+from ttwmr_mj.controllers.wheels import NEAR_STANDSTILL_M_S
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels
+from ttwmr_mj.dynamics.sampled import BODY, SampledModel
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray
+
+LOGGER = logging.getLogger(__name__)
+STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])  # of the Gauss-Newton step; zero is the last plan
+FITTING_PASSES = 3
+PREDICTION_SUBSTEP_S = 0.017  # coarser than the observer's: only differences matter
+
+
+class _Plan(NamedTuple):
+    """States (h + 1, nsim, 7), commands (h, nsim, 2) and gains (h, nsim, 2, 7) about them."""
+
+    state: FloatArray
+    command: FloatArray
+    gain: FloatArray
+
+
+class Mpc(Controller):
+    """Real-time Gauss-Newton over a receding horizon.
+
+    Attributes:
+        overruns: commands of this run that took longer than a period.
+        slowest_s: the longest that one took.
+    """
+
+    def __init__(self, options: MpcController) -> None:
+        self._options = options
+        self.overruns, self.slowest_s = 0, 0.0
+
+    def start(self, task: Task) -> None:
+        """Fit the reference and its cost to go; InputError if there is no θ2 to track."""
+        if task.reference is None:
+            raise InputError("controller.kind = 'mpc' needs a reference; got kind = 'none'")
+        period = task.sampling_time_s
+        self._friction = HitchFriction(task.robot, self._options.friction)
+        self._model = SampledModel(self._friction.believed, period)
+        self._observer = Observer(task.robot, self._model, self._options.observer)
+        smooth = SampledModel(self._friction.smooth, period, PREDICTION_SUBSTEP_S)
+        self._problem = TrackingProblem(task.robot, smooth, self._options.weights)
+        state, command = fit(self._problem, self._problem.target(task.reference), FITTING_PASSES)
+        self._target = Target(state, command, self._problem.centre(state))
+        decay = np.exp(-period / self._options.disturbance_time_s)
+        linear = self._problem.linearise(state[:-1], command)
+        self._lqr = with_disturbances(self._problem, linear, state, decay)
+        self._horizon = min(self._options.horizon_samples, len(command))
+        self._nsim, self._period, self._robot = task.nsim, period, task.robot
+        self._plan: _Plan | None = None
+        self.overruns, self.slowest_s = 0, 0.0
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """The first command of the improved plan."""
+        began = perf_counter()
+        seen = self._observer.update(estimate)
+        disturbance = np.column_stack([seen.slip, seen.swing + self._friction.swing(seen)])
+        plan = self._improved(k, self._now(seen, k), disturbance)
+        wheels = self._model.within_limits(seen.wheels, plan.command[0])
+        self._plan = plan
+        self._observer.commanded(wheels)
+        self._keep_time(perf_counter() - began, k)
+        low, high = seen.wheels - self._model.reach_rad_s, seen.wheels + self._model.reach_rad_s
+        limit = self._model.speed_limit_rad_s
+        cut = (wheels <= np.maximum(low, -limit)) | (wheels >= np.minimum(high, limit))
+        speed = twist_from_wheels(wheels, self._robot)[:, 0]
+        return Command(
+            wheels,
+            saturated=cut.any(axis=1),
+            near_singular=np.abs(speed) < NEAR_STANDSTILL_M_S,
+        )
+
+    def _now(self, seen: Seen, k: int) -> FloatArray:
+        """(nsim, 7) the state, its angles on the reference's branch."""
+        state = np.concatenate([seen.body, seen.wheels], axis=1)
+        aim = self._target.state[k][:, 2:4]
+        state[:, 2:4] = aim + wrap(state[:, 2:4] - aim)
+        return state
+
+    def _improved(self, k: int, now: FloatArray, disturbance: FloatArray) -> _Plan:
+        """Last period's plan, one Gauss-Newton step better, for the horizon from sample k on."""
+        steps = min(self._horizon, len(self._target.command) - k)
+        window = slice(k, k + steps)
+        last = self._shifted(k, steps)
+        still = np.zeros((steps, self._nsim, 2))
+        states, commands, _ = self._roll_out(k, now, last, still, STEP_LENGTHS[-1:], disturbance)
+        state, command = states[:, 0], commands[:, 0]
+        linear = self._problem.linearise(
+            state[:-1], command, np.broadcast_to(disturbance, (steps, *disturbance.shape))
+        )
+        residual = self._problem.residual(state[:-1], command, self._target, window)
+        hessian = np.broadcast_to(
+            self._lqr.cost[k + steps][:, :STATES], (self._nsim, STATES, STATES + 4)
+        )
+        beyond = np.concatenate([state[-1] - self._target.state[k + steps], disturbance], axis=1)
+        policy = backward(
+            linear.A,
+            linear.B,
+            self._problem.residual_by_state(state[:-1]),
+            self._problem.residual_by_command(),
+            residual,
+            hessian[:, :, :STATES],
+            apply(hessian, beyond),
+        )
+        about = _Plan(state, command, policy.gain)
+        states, commands, costs = self._roll_out(
+            k, now, about, policy.feedforward, STEP_LENGTHS, disturbance
+        )
+        best, each = np.argmin(costs, axis=0), np.arange(self._nsim)
+        return _Plan(states[:, best, each], commands[:, best, each], policy.gain)
+
+    def _shifted(self, k: int, steps: int) -> _Plan:
+        """Last period's plan from its second sample on, continued by the LQR about the reference."""
+        window = slice(k, k + steps)
+        shape = (steps, self._nsim)
+        state = np.broadcast_to(
+            self._target.state[k : k + steps + 1], (steps + 1, self._nsim, STATES)
+        ).copy()
+        command = np.broadcast_to(self._target.command[window], (*shape, 2)).copy()
+        gain = np.broadcast_to(self._lqr.gain[window][..., :STATES], (*shape, 2, STATES)).copy()
+        if self._plan is not None:
+            kept = min(len(self._plan.command) - 1, steps)
+            state[:kept] = self._plan.state[1 : kept + 1]
+            command[:kept] = self._plan.command[1 : kept + 1]
+            gain[:kept] = self._plan.gain[1 : kept + 1]
+        return _Plan(state, command, gain)
+
+    def _roll_out(
+        self,
+        k: int,
+        now: FloatArray,
+        about: _Plan,
+        feedforward: FloatArray,
+        lengths: FloatArray,
+        disturbance: FloatArray,
+    ) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Follow a policy about a plan, cut to the limits, with several lengths of feedforward.
+
+        Returns:
+            states (h + 1, lengths, nsim, 7), commands (h, lengths, nsim, 2) and costs
+            (lengths, nsim).
+        """
+        steps = len(about.command)
+        count = (lengths.size, self._nsim)
+        state = np.broadcast_to(now, (*count, STATES))
+        states, commands = np.empty((steps + 1, *count, STATES)), np.empty((steps, *count, 2))
+        pushes = lengths[:, None, None] * feedforward[:, None]
+        constant = np.broadcast_to(disturbance, (*count, disturbance.shape[1]))
+        states[0], cost = state, np.zeros(count)
+        for j in range(steps):
+            wish = about.command[j] + pushes[j] + apply(about.gain[j], state - about.state[j])
+            commands[j] = self._model.within_limits(state[..., BODY:], wish)
+            state = states[j + 1] = self._problem.next_state(state, commands[j], constant)
+        window = slice(k, k + steps)
+        aims = Target(*(values[:, None] for values in self._target))
+        residual = self._problem.residual(states[:-1], commands, aims, window)
+        cost = 0.5 * (residual**2).sum(axis=(0, -1))
+        hessian = self._lqr.cost[k + steps]
+        beyond = np.concatenate([state - self._target.state[k + steps], constant], axis=-1)
+        return states, commands, cost + 0.5 * (beyond * apply(hessian, beyond)).sum(axis=-1)
+
+    def _keep_time(self, took_s: float, k: int) -> None:
+        self.slowest_s = max(self.slowest_s, took_s)
+        if took_s > self._period:
+            self.overruns += 1
+            LOGGER.warning(
+                "mpc: the command of sample %d took %.1f ms of a period of %.1f ms (overrun %d)",
+                k,
+                1e3 * took_s,
+                1e3 * self._period,
+                self.overruns,
+            )

@@ -1,0 +1,139 @@
+"""Time-varying linear-quadratic control along any reference that a free trailer can follow.
+
+Before the run the reference is made exact for the sampled robot: Gauss-Newton steps (the same
+Riccati recursion with its affine terms) find the commands, held over a period, whose trajectory on
+the sampled hybrid model stays closest to it. About that trajectory the model is linearised and the
+recursion run backwards, from beyond the end, which gives the gains u_k = ū_k + K_k·(x_k − x̄_k).
+
+What the observer found of creep and of an unexplained θ̈2 enters as four more states that decay
+slowly and that no input moves: the recursion then finds the command that makes up for them, and no
+integral of the error is needed.
+
+Stability: along the trajectory the closed loop of the linearised model is exponentially stable if
+the pair (A_k, B_k) is uniformly controllable, with V = δxᵀP_k·δx as Lyapunov function (V decreases
+by the stage cost, in which δx is observable through F and θ). It is controllable while P moves and
+turns; at standstill it is not (a robot that stands cannot correct its position sideways), so a
+reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
+locally, while no servo saturates and the model is right between samples.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.angles import wrap
+from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.controllers.observer import Observer, Seen
+from ttwmr_mj.controllers.options import TvlqrController
+from ttwmr_mj.controllers.riccati import Policy, backward
+from ttwmr_mj.controllers.tracking_problem import (
+    DISTURBANCES,
+    INPUTS,
+    RESIDUALS,
+    STATES,
+    Linear,
+    Target,
+    TrackingProblem,
+)
+from ttwmr_mj.controllers.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels
+from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray
+
+FITTING_PASSES = 3
+
+
+class Tvlqr(Controller):
+    """Precomputed gains on the observer's state."""
+
+    def __init__(self, options: TvlqrController) -> None:
+        self._options = options
+
+    def start(self, task: Task) -> None:
+        """Fit the reference, compute the gains; InputError if there is no θ2 to track."""
+        if task.reference is None:
+            raise InputError("controller.kind = 'tvlqr' needs a reference; got kind = 'none'")
+        self._friction = HitchFriction(task.robot, self._options.friction)
+        self._model = SampledModel(self._friction.believed, task.sampling_time_s)
+        self._observer = Observer(task.robot, self._model, self._options.observer)
+        smooth = SampledModel(self._friction.smooth, task.sampling_time_s)
+        problem = TrackingProblem(task.robot, smooth, self._options.weights)
+        decay = np.exp(-task.sampling_time_s / self._options.disturbance_time_s)
+        target = problem.target(task.reference)
+        self._state, self._command = fit(problem, target, FITTING_PASSES)
+        linear = problem.linearise(self._state[:-1], self._command)
+        self._gain = with_disturbances(problem, linear, self._state, decay).gain
+        self._robot = task.robot
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        """ū + K·(x − x̄), within the servos' limits."""
+        seen = self._observer.update(estimate)
+        miss = error(seen, self._state[k], seen.swing + self._friction.swing(seen))
+        wish = self._command[k] + apply(self._gain[k], miss)
+        wheels = self._model.within_limits(seen.wheels, wish)
+        self._observer.commanded(wheels)
+        return Command(
+            wheels,
+            saturated=np.abs(wheels - wish).max(axis=1) > CUT_RAD_S,
+            near_singular=np.abs(twist_from_wheels(wheels, self._robot)[:, 0]) < NEAR_STANDSTILL_M_S,
+        )
+
+
+def error(seen: Seen, aim: FloatArray, swing: FloatArray) -> FloatArray:
+    """(nsim, 11) state minus the aim (batch, 7), angles on the circle, then the disturbances."""
+    miss = np.concatenate([seen.body, seen.wheels], axis=1) - aim
+    miss[:, 2:4] = wrap(miss[:, 2:4])
+    return np.concatenate([miss, seen.slip, swing[:, None]], axis=1)
+
+
+def apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """(batch, m) product of matrices (batch, m, n) with vectors (batch, n)."""
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def fit(problem: TrackingProblem, target: Target, passes: int) -> tuple[FloatArray, FloatArray]:
+    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target."""
+    state, command = target.state, target.command
+    samples = slice(0, len(command))
+    by_input = problem.residual_by_command()
+    for _ in range(passes):
+        linear = problem.linearise(state[:-1], command)
+        residual = problem.residual(state[:-1], command, target, samples)
+        by_state = problem.residual_by_state(state[:-1])
+        final = np.zeros_like(linear.A[0])
+        policy = backward(linear.A, linear.B, by_state, by_input, residual, final)
+        state, command = _rollout(problem, policy, state, command)
+    return state, command
+
+
+def _rollout(
+    problem: TrackingProblem, policy: Policy, state: FloatArray, command: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """The sampled model under a policy about (state, command), from the same start."""
+    now, states, commands = state[0], [state[0]], []
+    for k in range(len(command)):
+        commands.append(
+            command[k] + policy.feedforward[k] + apply(policy.gain[k], now - state[k])
+        )
+        now = problem.next_state(now, commands[-1])
+        states.append(now)
+    return np.stack(states), np.stack(commands)
+
+
+def with_disturbances(
+    problem: TrackingProblem, linear: Linear, state: FloatArray, decay: float
+) -> Policy:
+    """Gains (n, batch, 2, 11) on the state and on disturbances that decay by a factor a period."""
+    n, batch = linear.A.shape[:2]
+    size = STATES + DISTURBANCES
+    A, B = np.zeros((n, batch, size, size)), np.zeros((n, batch, size, INPUTS))
+    A[..., :STATES, :STATES], A[..., :STATES, STATES:] = linear.A, linear.D
+    A[..., STATES:, STATES:] = decay * np.eye(DISTURBANCES)
+    B[..., :STATES, :] = linear.B
+    by_state = np.zeros((n, batch, RESIDUALS, size))
+    by_state[..., :STATES] = problem.residual_by_state(state[:-1])
+    final = np.zeros((batch, size, size))
+    return backward(A, B, by_state, problem.residual_by_command(), None, final)

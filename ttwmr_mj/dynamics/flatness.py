@@ -1,0 +1,155 @@
+"""Differential flatness: the whole motion from the path of the trailer's centre of oscillation.
+
+F = P − k·t with t = (cos θ2, sin θ2) accelerates along the trailer only: F'' = a·t with
+a = P''·t + k·θ̇2² (Eq. 24 for a free hitch). Where F'' ≠ 0, therefore,
+
+    θ2 = direction of ±F'',   P = F + k·t,   θ1 = direction of P',   u1 = |P'|,   u2 = θ̇1,
+
+and every derivative follows from derivatives of F: those of θ2 and P of order n from F up to order
+n + 2. The sign of a is a free choice: a > 0 has P ahead of F in the direction of its acceleration
+(on a circle: the trailer outside P), a < 0 behind it (the trailer inside, unstable).
+
+Plane vectors are treated as complex numbers: with z = e^(L), the derivatives of L = ln|z| + i·arg z
+follow from those of z by Leibniz' rule, and back. All functions work over leading axes.
+"""
+
+from __future__ import annotations
+
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ttwmr_mj.dynamics.hybrid import flat_output, flat_output_velocity
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA2, FloatArray
+
+ComplexArray = NDArray[np.complex128]
+
+
+class FlatMotion(NamedTuple):
+    """The robot's motion behind a path of F; m is the number of derivatives of F given, with F.
+
+    Angles are in (−π, π], not unwrapped.
+    """
+
+    position: FloatArray  # (..., m − 2, 2) P and its derivatives [m, m/s, ...]
+    theta1: FloatArray  # (..., m − 3) θ1 and its derivatives [rad, rad/s, ...]
+    theta2: FloatArray  # (..., m − 2) θ2 and its derivatives [rad, rad/s, ...]
+    twist: FloatArray  # (..., 2) u1 [m/s] (never negative), u2 [rad/s]
+    along: FloatArray  # (...) a, the acceleration of F along t [m/s²]
+
+
+def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> FlatMotion:
+    """P, θ1, θ2 and their derivatives from F and its derivatives.
+
+    Args:
+        flat: (..., m, 2) F and its derivatives by time, m ≥ 5; F'' must not vanish, nor P'.
+        sign: of a: +1 for the trailer outside of a circle, −1 for inside.
+        robot: its swing length k.
+
+    Returns:
+        the motion, as far as the derivatives reach.
+    """
+    points = np.moveaxis(flat[..., 0] + 1j * flat[..., 1], -1, 0)
+    trailer = _logarithm(sign * points[2:])
+    theta2 = trailer.imag
+    direction = _exponential(1j * theta2)
+    position = points[:-2] + robot.swing_length_m * direction
+    tractor = _logarithm(position[1:])
+    theta1 = tractor.imag
+    return FlatMotion(
+        position=_plane(np.moveaxis(position, 0, -1)),
+        theta1=np.moveaxis(theta1, 0, -1),
+        theta2=np.moveaxis(theta2, 0, -1),
+        twist=np.stack([np.abs(position[1]), theta1[1]], axis=-1),
+        along=sign * np.abs(points[2]),
+    )
+
+
+def flat_from_motion(
+    q: FloatArray,
+    q_rate: FloatArray,
+    acceleration_m_s2: FloatArray,
+    jerk_m_s3: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """F, F', F'', F''' of a motion of P with a free trailer: the way back.
+
+    Args:
+        q: (..., 4) generalized coordinates.
+        q_rate: (..., 4) their rates.
+        acceleration_m_s2: (..., 2) P''.
+        jerk_m_s3: (..., 2) P'''.
+        robot: its swing length k.
+
+    Returns:
+        (..., 4, 2) [m, m/s, m/s², m/s³].
+    """
+    length, rate = robot.swing_length_m, q_rate[..., THETA2]
+    along, across = trailer_axes(q[..., THETA2])
+    surge, sway = dot(acceleration_m_s2, along), dot(acceleration_m_s2, across)
+    size = surge + length * rate**2
+    # θ̈2 = P''·n/k, and d/dt (P''·t) = P'''·t + θ̇2·P''·n
+    size_rate = dot(jerk_m_s3, along) + 3.0 * rate * sway
+    return np.stack(
+        [
+            flat_output(q, robot),
+            flat_output_velocity(q, q_rate, robot),
+            size[..., None] * along,
+            size_rate[..., None] * along + (size * rate)[..., None] * across,
+        ],
+        axis=-2,
+    )
+
+
+def centre_derivatives(
+    position: FloatArray, theta2: FloatArray, robot: RobotParameters
+) -> FloatArray:
+    """F and its derivatives from those of P and θ2: F = P − k·(cos θ2, sin θ2).
+
+    Args:
+        position: (..., m, 2) P and its derivatives.
+        theta2: (..., m) θ2 and its derivatives.
+        robot: its swing length k.
+
+    Returns:
+        (..., m, 2).
+    """
+    direction = _exponential(1j * np.moveaxis(theta2, -1, 0))
+    return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
+
+
+def trailer_axes(theta2_rad: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vectors t (towards P) and n (to its left), (..., 2) each, of a trailer at θ2 (...)."""
+    cos, sin = np.cos(theta2_rad), np.sin(theta2_rad)
+    return np.stack([cos, sin], axis=-1), np.stack([-sin, cos], axis=-1)
+
+
+def dot(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(...) scalar product of plane vectors (..., 2)."""
+    return np.asarray((a * b).sum(axis=-1))
+
+
+def _logarithm(z: ComplexArray) -> ComplexArray:
+    """Derivatives (m, ...) of ln z from those of z: zₙ = Σ C(n−1, j)·zⱼ·Lₙ₋ⱼ, solved for Lₙ."""
+    L = np.empty_like(z)
+    L[0] = np.log(z[0])
+    for n in range(1, z.shape[0]):
+        known = sum((comb(n - 1, j) * z[j] * L[n - j] for j in range(1, n)), np.zeros_like(z[0]))
+        L[n] = (z[n] - known) / z[0]
+    return L
+
+
+def _exponential(L: ComplexArray) -> ComplexArray:
+    """Derivatives (m, ...) of e^L from those of L, by the same rule."""
+    z = np.empty_like(L)
+    z[0] = np.exp(L[0])
+    for n in range(1, L.shape[0]):
+        z[n] = sum((comb(n - 1, j) * z[j] * L[n - j] for j in range(n)), np.zeros_like(z[0]))
+    return z
+
+
+def _plane(points: ComplexArray) -> FloatArray:
+    return np.stack([points.real, points.imag], axis=-1)

@@ -1,0 +1,1 @@
+"""Trajectory optimisation with CasADi and IPOPT: the makers of the planned references."""

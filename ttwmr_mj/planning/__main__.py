@@ -1,0 +1,69 @@
+"""Make the shipped plans again: `python -m ttwmr_mj.planning [NAME ...] [--out DIR]`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ttwmr_mj.planning.figure_eight import plan_figure_eight
+from ttwmr_mj.planning.rest_to_rest import plan_rest_to_rest
+from ttwmr_mj.planning.transcription import STATES, Limits, Plan
+from ttwmr_mj.references.planned import COLUMNS
+from ttwmr_mj.robot import RobotParameters
+
+ROBOT = RobotParameters()
+# Shares of the servo presets' limits, so that feedback has the rest: of the fast one's 40 rad/s and
+# 100 rad/s², and of the lab one's 6.5 rad/s and 50 rad/s².
+FAST = Limits(wheel_speed_rad_s=25.0, wheel_acceleration_rad_s2=30.0)
+FAST_MOVING = Limits(
+    wheel_speed_rad_s=25.0, wheel_acceleration_rad_s2=30.0, speed_m_s=(0.08, 1.0)
+)
+LAB = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0)
+LAB_MOVING = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0, speed_m_s=(0.03, 1.0))
+START, ASIDE, CORNER = (-0.4, -0.2, 0.0), (0.4, 0.2, 0.0), (0.35, 0.2, 0.5 * np.pi)
+
+PLANS: dict[str, Callable[[], Plan]] = {
+    "figure_eight": lambda: plan_figure_eight(ROBOT, FAST_MOVING, 12.0),
+    "figure_eight_lab": lambda: plan_figure_eight(ROBOT, LAB_MOVING, 30.0),
+    "rest_to_rest": lambda: plan_rest_to_rest(ROBOT, FAST, START, ASIDE, 6.0, 0.1),
+    "rest_to_rest_lab": lambda: plan_rest_to_rest(ROBOT, LAB, START, ASIDE, 12.0, 0.05),
+    "quarter_turn": lambda: plan_rest_to_rest(ROBOT, FAST, START, CORNER, 6.0, 0.1),
+}
+
+
+def write(name: str, plan: Plan, folder: Path) -> Path:
+    """The plan as a table of knots, with how it was made above it."""
+    round_trip = np.allclose(plan.state[0, :STATES], plan.state[-1, :STATES], atol=1e-6)
+    notes = [
+        f"made by: python -m ttwmr_mj.planning {name}",
+        f"swing_length_m: {ROBOT.swing_length_m!r}",
+        f"ends: {'as it began' if round_trip else 'at rest'}",
+    ]
+    rows = np.column_stack([plan.time_s, plan.state[:, :4]])
+    path = folder / f"{name}.csv"
+    header = "\n".join([*(f"# {note}" for note in notes), ",".join(COLUMNS)])
+    np.savetxt(path, rows, delimiter=",", fmt="%.12g", header=header, comments="")
+    return path
+
+
+def main() -> None:
+    """Solve and write."""
+    parser = argparse.ArgumentParser(prog="python -m ttwmr_mj.planning", description=__doc__)
+    parser.add_argument("names", nargs="*", help=f"of {', '.join(PLANS)}; none: all")
+    shipped = Path(__file__).parents[1] / "references" / "data"
+    parser.add_argument("--out", type=Path, default=shipped, help="folder of the tables")
+    arguments = parser.parse_args()
+    unknown = [name for name in arguments.names if name not in PLANS]
+    if unknown:
+        parser.error(f"no plan called {', '.join(unknown)}; there are {', '.join(PLANS)}")
+    for name in arguments.names or PLANS:
+        plan = PLANS[name]()
+        path = write(name, plan, arguments.out)
+        print(f"{path}: {plan.time_s.size} knots, {plan.iterations} iterations")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+"""An ellipse of the trailer's centre of oscillation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.references.flat import FLAT_ORDERS, FlatReference
+from ttwmr_mj.state import FloatArray
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatEllipse(FlatReference):
+    """F = centre + Q·(A·cos φ, B·sin φ) with φ = phase + ω·t, Q a turn by `tilt_rad`.
+
+    F'' = −ω²·(F − centre) points to the centre and vanishes nowhere.
+
+    Attributes:
+        half_axes_m: (A, B).
+        angular_rate_rad_s: ω; negative runs clockwise.
+        phase_rad: φ at the start.
+        tilt_rad: of the first axis, from the world's x.
+        centre_m: (x, y).
+    """
+
+    half_axes_m: tuple[float, float]
+    angular_rate_rad_s: float
+    phase_rad: float = 0.0
+    tilt_rad: float = 0.0
+    centre_m: tuple[float, float] = (0.0, 0.0)
+
+    def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
+        """(n, 7, 2) F and its derivatives: each is ω times the one before, a quarter turn on."""
+        rate, orders = self.angular_rate_rad_s, np.arange(FLAT_ORDERS)
+        phi = (self.phase_rad + rate * time_s)[:, None] + 0.5 * np.pi * orders
+        axes = rate**orders * np.stack([np.cos(phi), np.sin(phi)])
+        axes *= np.array(self.half_axes_m)[:, None, None]
+        cos, sin = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
+        flat = np.stack([cos * axes[0] - sin * axes[1], sin * axes[0] + cos * axes[1]], axis=-1)
+        flat[:, 0] += self.centre_m
+        return np.asarray(flat)

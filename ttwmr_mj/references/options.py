@@ -1,0 +1,48 @@
+"""Settings of the references a free trailer can follow, as a scenario gives them."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from ttwmr_mj.robot import Config
+
+Point = Annotated[tuple[float, float], Field(strict=False)]
+HalfAxis = Annotated[float, Field(gt=0, le=100)]
+Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
+Rate = Annotated[float, Field(ge=-50, le=50, description="positive: counter-clockwise")]
+
+
+class _FlatReference(Config):
+    """What every reference of the trailer's centre of oscillation has."""
+
+    side: Literal["outside", "inside"] = Field(
+        default="outside", description="where the trailer is, seen from P; inside is unstable"
+    )
+    phase_rad: Angle = 0.0
+    centre_m: Point = (0.0, 0.0)
+
+
+class FlatCircleReference(_FlatReference):
+    """Circle of the trailer's centre of oscillation."""
+
+    kind: Literal["flat_circle"]
+    radius_m: float = Field(gt=0, le=100)
+    angular_rate_rad_s: Rate
+
+
+class PlannedReference(Config):
+    """A shipped plan, found by trajectory optimisation."""
+
+    kind: Literal["planned"]
+    plan: str = Field(description="figure_eight, rest_to_rest, ...; see ttwmr_mj/references/data")
+
+
+class FlatEllipseReference(_FlatReference):
+    """Ellipse of the trailer's centre of oscillation."""
+
+    kind: Literal["flat_ellipse"]
+    half_axes_m: Annotated[tuple[HalfAxis, HalfAxis], Field(strict=False)]
+    angular_rate_rad_s: Rate
+    tilt_rad: Angle = 0.0

@@ -1,0 +1,28 @@
+"""What a camera sensor saw in one control period, for recordings and exported frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ttwmr_mj.vision.frame import Frame
+
+if TYPE_CHECKING:
+    from ttwmr_mj.vision.tracking import Sighting, TrackEstimate
+
+
+@dataclass(frozen=True, slots=True)
+class CameraRecord:
+    """One control period of one camera.
+
+    Attributes:
+        time_s: of the control sample.
+        frame: the newest frame that arrived in it; None where none did.
+        sighting: what the tracker made of it; None without a frame.
+        estimate: the tracker's answer for this sample.
+    """
+
+    time_s: float
+    frame: Frame | None
+    sighting: Sighting | None
+    estimate: TrackEstimate

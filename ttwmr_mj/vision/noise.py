@@ -1,0 +1,71 @@
+"""From light to numbers: drifting gains, shot and read noise, eight bits."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.options import Noise
+from ttwmr_mj.vision.renderer import Image
+
+FULL_SCALE = 255.0
+TILE_MARGIN = 256  # a frame's noise is a random window of a tile this much larger than the frame
+
+
+class SensorNoise:
+    """Turns what falls on the sensor into what is read from it.
+
+    Normal numbers are drawn once; every frame takes a window at a random place of them. Two frames
+    share no window but once in 65536, and white noise one pixel aside is as good as new.
+    """
+
+    def __init__(
+        self, options: Noise, width_px: int, height_px: int, rng: np.random.Generator
+    ) -> None:
+        self._options = options
+        self._rng = rng
+        self._shape = (height_px, width_px)
+        tile = (height_px + TILE_MARGIN, width_px + TILE_MARGIN, 3)
+        self._noisy = bool(options.read_noise or options.shot_noise)
+        self._tile = rng.standard_normal(tile if self._noisy else (0,), dtype=np.float32)
+        light = np.arange(256) / FULL_SCALE
+        spread = np.hypot(options.read_noise, options.shot_noise * np.sqrt(light))
+        self._spread = (FULL_SCALE * spread).astype(np.float32)
+        self._drift = rng.standard_normal(4)  # of gain, blue, green, red; unit variance
+        self._time_s: float | None = None
+
+    def read(self, light: Image, time_s: float) -> Image:
+        """The picture of a sensor under this light.
+
+        Args:
+            light: (rows, columns, 3) without noise; not changed.
+            time_s: when; gains drift with it, and times must not go back.
+
+        Returns:
+            (rows, columns, 3) as read.
+        """
+        gains = self._gains(time_s)
+        picture = light
+        if not np.all(gains == 1.0):
+            table = np.rint(np.arange(256)[:, None] * gains).clip(0, 255).astype(np.uint8)
+            picture = np.asarray(cv2.LUT(picture, table[None]))
+        if self._noisy:
+            row, column = self._rng.integers(TILE_MARGIN, size=2)
+            rows, columns = self._shape
+            window = self._tile[row : row + rows, column : column + columns]
+            noise = cv2.LUT(picture, self._spread)
+            cv2.multiply(noise, window, dst=noise)
+            picture = np.asarray(cv2.add(picture, noise, dtype=cv2.CV_8U))
+        return picture
+
+    def _gains(self, time_s: float) -> FloatArray:
+        """(3,) factors of blue, green, red: an Ornstein-Uhlenbeck walk about one."""
+        options = self._options
+        fresh = self._rng.standard_normal(4)
+        if self._time_s is not None:
+            kept = np.exp(-max(time_s - self._time_s, 0.0) / options.drift_time_s)
+            self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh
+        self._time_s = time_s
+        walk = options.gain_drift * self._drift[0] + options.white_balance_drift * self._drift[1:]
+        return np.asarray(np.exp(walk))

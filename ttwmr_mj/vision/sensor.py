@@ -1,0 +1,179 @@
+"""The camera as the loop's sensor: a frame every control period, and where the robot is in it."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+
+import mujoco
+import numpy as np
+
+from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.vision.camera import CameraModel
+from ttwmr_mj.vision.delivery import DeliveryFaults
+from ttwmr_mj.vision.frame import Frame
+from ttwmr_mj.vision.log import CameraRecord
+from ttwmr_mj.vision.options import CameraOptions, TrackerOptions
+from ttwmr_mj.vision.tracking import Tracker, TrackEstimate
+from ttwmr_mj.vision.virtual_camera import VirtualCamera
+
+
+class CameraSensor:
+    """A `Sensor` that sees frames only. All calls must come from the thread that made it.
+
+    Once per control period: `observe`, then `commanded` with what the controller answered.
+
+    Attributes:
+        cameras: one per simulation.
+        trackers: one per simulation.
+        layout: the labels on the robot.
+        frames: the newest frame that has arrived in each simulation; None where none has.
+        estimates: the trackers' full answers of this period.
+        segmentation: whether frames carry the class of every pixel; costs time.
+    """
+
+    def __init__(
+        self,
+        options: CameraOptions,
+        tracking: TrackerOptions,
+        calibrated: CameraModel,
+        robot: RobotParameters,
+        model: mujoco.MjModel,
+        *,
+        period_s: float,
+        latency_s: float,
+        nsim: int,
+        rng: np.random.Generator,
+        joint_positions: Callable[[], FloatArray] | None = None,
+    ) -> None:
+        """Set up a camera and a tracker per simulation.
+
+        Args:
+            options: the camera, its sensor and its faults.
+            tracking: the tracker's noise model and limits.
+            calibrated: what the loop knows of the camera.
+            robot: the robot in the picture.
+            model: the scene with it, as of `plants.mjcf.build_model`.
+            period_s: control period; a frame is taken in each.
+            latency_s: from a shutter's closing to its frame's arrival, whole periods.
+            nsim: simulations in the batch.
+            rng: source of all noise and faults.
+            joint_positions: the contact plant's, (nsim, nq), so that frames show every joint; None
+                draws the robot from q alone.
+
+        Raises:
+            InputError: the scene lacks a part.
+            MachineError: no OpenGL.
+        """
+        children = rng.spawn(2 * nsim)
+        self.cameras = [VirtualCamera(options, model, child) for child in children[:nsim]]
+        layout = self.cameras[0].layout
+        self.layout = layout
+        self.trackers = [Tracker(calibrated, layout, robot, tracking) for _ in range(nsim)]
+        self.frames: list[Frame | None] = [None] * nsim
+        self.estimates: list[TrackEstimate] = []
+        self.segmentation = False
+        self._log: list[CameraRecord] | None = None
+        self._faults = [DeliveryFaults(options.faults.delivery, child) for child in children[nsim:]]
+        self._period_s = period_s
+        self._delay = round(latency_s / period_s)
+        self._travelling: deque[list[list[Frame]]] = deque()
+        self._joint_positions = joint_positions
+        self._robot = robot
+        self._k = 0
+
+    def observe(self, truth: RobotState) -> Estimate:
+        """Take this period's frames, track in those that have arrived, and answer for now.
+
+        The estimate describes this instant, latency compensated: its age is zero. How old the
+        newest measurement in it is, `estimates` tells.
+        """
+        now = self._k * self._period_s
+        if self._k == 0:
+            self._start(truth)
+        arrived = self._exchange(self._take(truth, now))
+        self.estimates = [
+            self._track(simulation, frames, now) for simulation, frames in enumerate(arrived)
+        ]
+        answers = self.estimates
+        if self._log is not None:
+            frame = arrived[0][-1] if arrived[0] else None
+            self._log.append(CameraRecord(now, frame, self.trackers[0].sighting, answers[0]))
+        return Estimate(
+            state=RobotState(
+                q=np.stack([answer.q for answer in answers]),
+                q_rate=np.stack([answer.q_rate for answer in answers]),
+            ),
+            age_s=np.zeros(len(answers)),
+            valid=np.array([answer.valid for answer in answers]),
+            labels_found=np.array([float(answer.labels) for answer in answers]),
+            measurement_age_s=np.array([answer.measurement_age_s for answer in answers]),
+        )
+
+    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
+        """Tell the trackers the wheel speeds (nsim, 2) that hold from now on for one period."""
+        now = self._k * self._period_s
+        for tracker, command in zip(self.trackers, wheel_speed_rad_s, strict=True):
+            tracker.commands.tell(now, command, self._period_s)
+        self._k += 1
+
+    def keep_log(self) -> None:
+        """From now on, keep what the first simulation's camera saw, for `drain_log`."""
+        self._log = []
+
+    def drain_log(self) -> list[CameraRecord]:
+        """The records since the last call, oldest first; frames are large, so call it often."""
+        records, self._log = self._log or [], []
+        return records
+
+    def close(self) -> None:
+        """Give back what OpenGL holds."""
+        for camera in self.cameras:
+            camera.close()
+
+    def _start(self, truth: RobotState) -> None:
+        """Who puts the robot down knows roughly where, and how fast its wheels turn."""
+        twist = workspace_rate(truth.q, truth.q_rate)[:, :2]
+        speeds = wheels_from_twist(twist, self._robot)
+        for i, (tracker, wheels) in enumerate(zip(self.trackers, speeds, strict=True)):
+            tracker.commands.roll(wheels)
+            tracker.assume(0.0, truth.q[i], float(truth.q_rate[i, 3]))
+
+    def _take(self, truth: RobotState, now: float) -> list[list[Frame]]:
+        """The frames that leave each camera in this period."""
+        joints = None if self._joint_positions is None else self._joint_positions()
+        leaving = []
+        for i, (camera, faults) in enumerate(zip(self.cameras, self._faults, strict=True)):
+            if joints is not None and joints.shape[-1] > 0:
+                qpos = joints[i]
+            else:
+                qpos = camera.posture.positions(truth.q[i])
+            rate = truth.q_rate[i]
+
+            def take(
+                camera: VirtualCamera = camera, qpos: FloatArray = qpos, rate: FloatArray = rate
+            ) -> Frame:
+                return camera.take(qpos, rate, now, segmentation=self.segmentation)
+
+            leaving.append(faults.deliver(now, take))
+        return leaving
+
+    def _exchange(self, leaving: list[list[Frame]]) -> list[list[Frame]]:
+        """Put in what leaves the cameras, take out what arrives; the first arrives at once."""
+        self._travelling.append(leaving)
+        if len(self._travelling) <= self._delay:
+            return leaving if self._k == 0 else [[] for _ in leaving]
+        due = self._travelling.popleft()
+        return [[] for _ in leaving] if self._delay and self._k == self._delay else due
+
+    def _track(self, simulation: int, frames: list[Frame], now: float) -> TrackEstimate:
+        tracker = self.trackers[simulation]
+        for frame in frames:
+            tracker.see(frame.image, frame.time_s)
+            self.frames[simulation] = frame
+        if not frames:
+            tracker.miss(now)
+        return tracker.estimate(now)
