@@ -28,3 +28,15 @@ class Broken(Controller):
         if k == 5:
             raise ZeroDivisionError("of its own making")
         return self.plain(np.ones((self._nsim, 2)))
+
+
+class Endless(Controller):
+    """Never answers the third sample."""
+
+    def start(self, task: Task) -> None:
+        self._nsim = task.nsim
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        while k == 3:
+            pass
+        return self.plain(np.ones((self._nsim, 2)))
