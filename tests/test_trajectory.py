@@ -44,7 +44,9 @@ def test_parquet_round_trip_is_exact(run: Trajectory, tmp_path: Path) -> None:
     again = read_parquet(path)
     for field in fields(Trajectory):
         assert np.array_equal(
-            getattr(again, field.name), getattr(run, field.name), equal_nan=getattr(run, field.name).dtype.kind == "f"
+            getattr(again, field.name),
+            getattr(run, field.name),
+            equal_nan=getattr(run, field.name).dtype.kind == "f",
         ), field.name
     assert list(tmp_path.iterdir()) == [path]
 

@@ -122,9 +122,7 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
     return load_controller(section, folder)
 
 
-def make_sensor(
-    scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path
-) -> Sensor:
+def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path) -> Sensor:
     """The sensor with its latency; `folder` is where a calibration file is looked for.
 
     Raises:

@@ -84,10 +84,11 @@ class Experiment:
         self._folder = folder or Path()
         self._controller = build.make_controller(scenario, self._folder)
 
-    def run(self, report: Report | None = None) -> Result:
+    def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
         """Run from the initial state to the end, or to where it breaks.
 
         Args:
+            initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, at most every REPORT_EVERY_S of wall time,
                 and once with the last ones.
         """
@@ -99,7 +100,7 @@ class Experiment:
         sensor = self.sensor
         if report:
             sensor.keep_log()
-        plant.reset(build.initial_state(scenario, self.reference, nsim))
+        plant.reset(initial or build.initial_state(scenario, self.reference, nsim))
         self._controller.start(
             Task(scenario.robot, self.reference, period, nsim, rng["controller"])
         )

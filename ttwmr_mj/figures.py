@@ -1,4 +1,4 @@
-"""The figures of a run as files, PNG and SVG; the only module that imports matplotlib."""
+"""The figures of a run as files, PNG and SVG; beside the studies' own, the only matplotlib."""
 
 from __future__ import annotations
 

@@ -131,8 +131,9 @@ def cross_faults(scenario: Scenario, folder: Path) -> list[Fault]:
                 "scenario, or leave the key out for the shipped models/scene.xml",
             )
         )
-    if scenario.reference.kind == "none" and scenario.controller.kind == "lyapunov":
-        faults.append(Fault(("reference", "kind"), "got 'none'; lyapunov needs a reference"))
+    kind = scenario.controller.kind
+    if scenario.reference.kind == "none" and kind not in ("open_loop", "custom"):
+        faults.append(Fault(("reference", "kind"), f"got 'none'; {kind} needs a reference"))
     if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
         faults.append(Fault(("initial", "kind"), "got 'on_reference'; there is no reference"))
     if scenario.plant.pushes and scenario.plant.kind == "analytic":

@@ -60,7 +60,7 @@ def pid_acceleration(
     feedforward_rad_s2: FloatArray | float,
     options: LyapunovPidController,
 ) -> FloatArray:
-    """Wanted θ̈2, w of Eq. 62, (...) [rad/s²], of e5 = θ2 − θ2d (Eq. 63), its rate and its integral."""
+    """Wanted θ̈2, w of Eq. 62, (...) [rad/s²], of e5 = θ2 − θ2d (Eq. 63), its rate, its integral."""
     return np.asarray(
         feedforward_rad_s2
         - options.k_d * error_rate_rad_s

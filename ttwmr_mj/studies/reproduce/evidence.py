@@ -1,0 +1,82 @@
+"""What was run, read back: the only way figures and claims look at results."""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario import LyapunovController, Scenario
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.studies.reproduce.execute import Failures, run_folder, study_file
+from ttwmr_mj.studies.reproduce.lyapunov_log import LyapunovLog, lyapunov_log
+from ttwmr_mj.studies.reproduce.runs import RUNS
+from ttwmr_mj.trajectory import Trajectory, read_parquet
+
+
+class Evidence:
+    """Results of a reproduction's folder, each read once.
+
+    Attributes:
+        out: the folder.
+        failures: runs and studies that could not be done, with the reason.
+    """
+
+    def __init__(self, out: Path, failures: Failures | None = None) -> None:
+        self.out = out
+        self.failures = failures or {}
+        # per instance: two folders hold different results under the same names
+        self.trajectory = cache(self._trajectory)
+        self.metrics = cache(self._metrics)
+        self.study = cache(self._study)
+        self.lyapunov = cache(self._lyapunov)
+        self.scenario = cache(self._scenario)
+
+    def _trajectory(self, run: str) -> Trajectory:
+        return read_parquet(run_folder(self.out, run) / "trajectory.parquet")
+
+    def _metrics(self, run: str) -> dict[str, Any]:
+        text = (run_folder(self.out, run) / "metrics.json").read_text(encoding="utf-8")
+        metrics: dict[str, Any] = json.loads(text)
+        return metrics
+
+    def _study(self, name: str) -> dict[str, Any]:
+        result: dict[str, Any] = json.loads(study_file(self.out, name).read_text("utf-8"))["result"]
+        return result
+
+    def _scenario(self, run: str) -> Scenario:
+        return RUNS[run].scenario()
+
+    def _lyapunov(self, run: str) -> LyapunovLog:
+        controller = self.scenario(run).controller
+        if not isinstance(controller, LyapunovController):
+            raise TypeError(f"{run} has no Lyapunov function: its law is {controller.kind}")
+        return lyapunov_log(self.trajectory(run), controller)
+
+    def robot(self, run: str) -> RobotParameters:
+        """The run's robot."""
+        return self.scenario(run).robot
+
+    def value(self, run: str, metric: str) -> float:
+        """A metric of a run; infinite where it is undefined or the run did not end well."""
+        metrics = self.metrics(run)
+        number = metrics[metric]
+        return float(number) if metrics["status"] == "ok" and number is not None else float("inf")
+
+    def hitch_angle(self, run: str) -> FloatArray:
+        """(n,) θ2 − θ1 of a run [rad]."""
+        q = self.trajectory(run).q[:, 0]
+        return np.asarray(q[:, THETA2] - q[:, THETA1])
+
+    def hitch_swing(self, run: str) -> float:
+        """Peak to peak of the hitch angle over the second half of a run [rad]."""
+        angle = self.hitch_angle(run)
+        return float(np.ptp(angle[angle.size // 2 :]))
+
+    def sees_with_camera(self, *runs: str) -> bool:
+        """Whether all these runs had a camera in the loop."""
+        return all(str(self.scenario(run).sensing.kind) == "camera" for run in runs)

@@ -1,0 +1,88 @@
+"""What a claim is, what a verdict is, and the limits the rules share."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from ttwmr_mj.studies.reproduce.evidence import Evidence
+
+Verdict = Literal["holds", "holds with changes", "fails", "evidence missing"]
+Numbers = dict[str, float | None]
+
+# The limits of all rules, fixed before any run. Errors are rms values over a run's second half.
+TRACTOR_FOLLOWS_M = 0.010  # P: a fifteenth of the robot's length
+TRAILER_FOLLOWS_M = 0.020  # the trailer's COM, which also takes the tractor's error
+SWINGS_RAD = 0.2  # peak to peak of the hitch angle
+STILL_RAD = 0.02
+GONE = 0.01  # of V at the start
+EFFORT_RATIO = 1.2  # of what the reference itself needs
+
+
+@dataclass(frozen=True, slots=True)
+class Judgement:
+    """What a rule says of the evidence.
+
+    Attributes:
+        verdict: one of four.
+        numbers: what it was judged by, units in the names; None where undefined.
+        finding: in words.
+    """
+
+    verdict: Verdict
+    numbers: Numbers
+    finding: str
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """A statement of the article and the rule that tests it.
+
+    Attributes:
+        name: short, for claims.json.
+        source: where the article says it.
+        statement: what it says.
+        rule: how it is judged, written down before the run.
+        judge: the rule as code.
+        runs: the runs it needs.
+        studies: the studies it needs.
+    """
+
+    name: str
+    source: str
+    statement: str
+    rule: str
+    judge: Callable[[Evidence], Judgement]
+    runs: tuple[str, ...] = ()
+    studies: tuple[str, ...] = ()
+
+    def judgement(self, evidence: Evidence) -> Judgement:
+        """The rule's answer, or that evidence is missing where its runs could not be done."""
+        lacking = [n for n in (*self.runs, *self.studies) if n in evidence.failures]
+        if lacking:
+            reasons = "; ".join(f"{name}: {evidence.failures[name]}" for name in lacking)
+            return Judgement("evidence missing", {}, f"What the rule needs was not run. {reasons}")
+        judged = self.judge(evidence)
+        numbers = {key: finite(value) for key, value in judged.numbers.items()}
+        return replace(judged, numbers=numbers)
+
+
+def verdict_of(as_printed: bool, with_changes: bool) -> Verdict:
+    """The order of the three verdicts."""
+    if as_printed:
+        return "holds"
+    return "holds with changes" if with_changes else "fails"
+
+
+def finite(number: float | None) -> float | None:
+    """For JSON: None instead of infinity and NaN."""
+    return number if number is not None and math.isfinite(number) else None
+
+
+def mm(number: float) -> str:
+    """A length for reading, three digits, in mm below a metre."""
+    if not math.isfinite(number):
+        return "undefined"
+    return f"{number * 1e3:.3g} mm" if abs(number) < 1.0 else f"{number:.3g} m"

@@ -1,0 +1,29 @@
+"""What a proof by sympy is; sympy is imported where it is used, as it is optional."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import sympy as sp
+
+
+@dataclass(frozen=True, slots=True)
+class Proof:
+    """What a proof found.
+
+    Attributes:
+        proved: every difference simplified to zero, every sign is as stated.
+        formulas: (words, expression) pairs to show.
+    """
+
+    proved: bool
+    formulas: list[tuple[str, sp.Expr]]
+
+
+def vanish(*expressions: Any) -> bool:
+    """Whether every expression simplifies to zero."""
+    import sympy as sp
+
+    return all(sp.simplify(expression) == 0 for expression in expressions)

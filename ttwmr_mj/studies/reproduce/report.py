@@ -1,0 +1,182 @@
+"""report.html and claims.json: what a reader who has only the article can follow and re-run."""
+
+from __future__ import annotations
+
+import base64
+import re
+import shlex
+from collections import Counter
+from dataclasses import asdict
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from ttwmr_mj.errors import MachineError
+from ttwmr_mj.run_folder import LIBRARIES, git_commit, library_version, write_json, write_text
+from ttwmr_mj.studies.reproduce import friction
+from ttwmr_mj.studies.reproduce.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.errata import ERRATA
+from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.figures import FIGURES
+from ttwmr_mj.studies.reproduce.judging import Judgement, mm
+from ttwmr_mj.studies.reproduce.runs import RUNS
+
+CLAIMS_SCHEMA_VERSION = 1
+NO_CAMERA = "Evidence missing: no camera was in the loop of these runs; they see the true state."
+
+
+def judge_all(evidence: Evidence) -> dict[str, Judgement]:
+    """Every claim's verdict."""
+    return {name: claim.judgement(evidence) for name, claim in CLAIMS.items()}
+
+
+def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Path) -> None:
+    """claims.json: per claim the rule, the verdict, the numbers, the runs with their recordings."""
+    rows = [
+        {
+            "name": name,
+            "source": CLAIMS[name].source,
+            "statement": CLAIMS[name].statement,
+            "rule": CLAIMS[name].rule,
+            **asdict(judgement),
+            "runs": [_run_link(evidence, run) for run in CLAIMS[name].runs],
+            "studies": list(CLAIMS[name].studies),
+        }
+        for name, judgement in judgements.items()
+    ]
+    write_json(path, {"schema_version": CLAIMS_SCHEMA_VERSION, "claims": rows})
+
+
+def write_report(
+    evidence: Evidence, judgements: dict[str, Judgement], drawn: list[str], path: Path
+) -> None:
+    """One HTML file that needs nothing beside it, but for the recordings it links to.
+
+    Args:
+        evidence: the results.
+        judgements: verdicts; none for a report of single figures.
+        drawn: names of the figures to show, as SVG files under figures/.
+        path: the file.
+    """
+    try:
+        from jinja2 import Environment, StrictUndefined
+        from markupsafe import Markup, escape
+    except ImportError as error:
+        raise MachineError("the report needs jinja2: pip install jinja2") from error
+    template = (resources.files(__package__) / "report.html.j2").read_text(encoding="utf-8")
+    environment = Environment(
+        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    # `name` in a text of ours is set in <code>
+    environment.filters["code"] = lambda text: Markup(
+        re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text)))
+    )
+    page = environment.from_string(template).render(
+        counts=Counter(judgement.verdict for judgement in judgements.values()),
+        claims=[_claim(evidence, name, judgement) for name, judgement in judgements.items()],
+        figures=[_figure(evidence, name) for name in drawn],
+        errata=_errata(evidence) if judgements else [],
+        largest_load_mn_m=1e3 * friction.largest_load_n_m(evidence),
+        balances=_balances(evidence) if judgements else [],
+        runs=[_run(evidence, name) for name in _used(drawn, judgements)],
+        versions={"ttwmr-mj": library_version("ttwmr-mj"), **_libraries()},
+        commit=git_commit(Path(__file__).resolve().parents[2]),
+    )
+    write_text(path, page)
+
+
+def _libraries() -> dict[str, str | None]:
+    return {name: library_version(name) for name in (*LIBRARIES, "scipy", "sympy")}
+
+
+def _used(drawn: list[str], judgements: dict[str, Judgement]) -> list[str]:
+    names = [run for figure in drawn for run in FIGURES[figure].runs]
+    names += [run for claim in judgements for run in CLAIMS[claim].runs]
+    return [name for name in RUNS if name in set(names)]
+
+
+def _claim(evidence: Evidence, name: str, judgement: Judgement) -> dict[str, Any]:
+    claim = CLAIMS[name]
+    return {
+        "name": name,
+        "source": claim.source,
+        "statement": claim.statement,
+        "rule": claim.rule,
+        "verdict": judgement.verdict,
+        "css": judgement.verdict.replace(" ", "-"),
+        "finding": judgement.finding,
+        "numbers": [
+            (key, "undefined" if value is None else f"{value:.4g}")
+            for key, value in judgement.numbers.items()
+        ],
+        "links": [_run_link(evidence, run) for run in claim.runs],
+        "studies": [(study, f"studies/{study}.json") for study in claim.studies],
+    }
+
+
+def _run_link(evidence: Evidence, run: str) -> dict[str, str | None]:
+    """A run's name, its folder and its recording, relative to the report."""
+    recording = f"runs/{run}/run.rrd"
+    there = (evidence.out / recording).is_file()
+    return {"run": run, "folder": f"runs/{run}", "recording": recording if there else None}
+
+
+def _figure(evidence: Evidence, name: str) -> dict[str, Any]:
+    figure = FIGURES[name]
+    lacking = [n for n in (*figure.runs, *figure.studies) if n in evidence.failures]
+    drawing = evidence.out / "figures" / f"{name}.svg"
+    note = None
+    if figure.of_experiment and not evidence.sees_with_camera(*figure.runs):
+        note = NO_CAMERA
+    return {
+        "name": name,
+        "title": figure.title,
+        "reported": figure.reported,
+        "found": f"Not run: {', '.join(lacking)}." if lacking else figure.found(evidence),
+        "note": note,
+        "svg": None if lacking else base64.b64encode(drawing.read_bytes()).decode("ascii"),
+        "links": [_run_link(evidence, run) for run in figure.runs],
+    }
+
+
+def _errata(evidence: Evidence) -> list[dict[str, Any]]:
+    missing = evidence.failures.get("proofs")
+    proofs = {} if missing else evidence.study("proofs")
+    return [
+        {
+            **asdict(erratum),
+            "proved": proofs[erratum.proof]["proved"] if proofs else None,
+            "formulas": proofs[erratum.proof]["formulas"] if proofs else [],
+            "missing": missing,
+        }
+        for erratum in ERRATA
+    ]
+
+
+def _balances(evidence: Evidence) -> list[dict[str, str]]:
+    if any(run in evidence.failures for run in friction.SWEEP):
+        return []
+    return [
+        {
+            "run": row.run,
+            "friction": f"{1e3 * row.friction_n_m:g}",
+            "angle": f"{row.hitch_angle_rad:.3f}",
+            "swing": f"{row.swing_rad:.3f}",
+            "load": f"{1e3 * row.load_n_m:.3f}",
+            "stands": "yes" if row.stands else "no",
+            "balanced": ("yes" if row.balanced else "no") if row.stands else "not at rest",
+            "trailer": mm(row.trailer_error_m),
+        }
+        for row in friction.balances(evidence)
+    ]
+
+
+def _run(evidence: Evidence, name: str) -> dict[str, Any]:
+    status = "not run" if name in evidence.failures else evidence.metrics(name)["status"]
+    command = shlex.join(RUNS[name].command())
+    return {**_run_link(evidence, name), "command": command, "status": status}
+
+
+def report_name(only: list[str]) -> str:
+    """report.html, or another name for a report of single figures."""
+    return f"report-{'-'.join(only)}.html" if only else "report.html"

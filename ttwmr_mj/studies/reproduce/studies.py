@@ -1,0 +1,18 @@
+"""The computations of the reproduction that are no runs of a plant, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+from ttwmr_mj.studies.reproduce import continuous, phase_plane, proofs, step_size
+
+STEP_STUDIES = {f"step-size-{i}": law for i, law in enumerate(step_size.LAWS)}
+
+STUDIES: dict[str, Callable[[], dict[str, Any]]] = {
+    "continuous": continuous.study,
+    "proofs": proofs.study,
+    "phase-plane": phase_plane.study,
+    **{name: partial(step_size.study, law) for name, law in STEP_STUDIES.items()},
+}

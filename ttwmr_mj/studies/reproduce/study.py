@@ -1,0 +1,124 @@
+"""The whole reproduction: run what is missing, draw, judge, report."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.progress import progress_bar
+from ttwmr_mj.scenario_faults import suggestion
+from ttwmr_mj.studies.reproduce.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.execute import Failures, execute, task_count
+from ttwmr_mj.studies.reproduce.figures import FIGURES
+from ttwmr_mj.studies.reproduce.judging import Judgement
+from ttwmr_mj.studies.reproduce.report import judge_all, report_name, write_claims, write_report
+from ttwmr_mj.studies.reproduce.runs import RUNS
+from ttwmr_mj.studies.reproduce.studies import STUDIES
+
+
+@dataclass(frozen=True, slots=True)
+class Reproduction:
+    """What a reproduction left behind.
+
+    Attributes:
+        report: the HTML file.
+        judgements: verdicts by claim; empty when only figures were asked for.
+        failures: what could not be run, with the reason.
+    """
+
+    report: Path
+    judgements: dict[str, Judgement]
+    failures: Failures
+
+    @property
+    def runs_failed(self) -> bool:
+        """Whether a run could not be done; a study that lacks its library is no failure."""
+        return any(name in RUNS for name in self.failures)
+
+
+def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) -> Reproduction:
+    """Reproduce the article into a folder; what is finished there already is used again.
+
+    Args:
+        out: the folder; made if missing.
+        only: names of figures; then no claim is judged, and report.html and claims.json stay.
+        quiet: show no progress.
+
+    Returns:
+        The report and the verdicts.
+
+    Raises:
+        InputError: `only` names no figure, or the folder holds something else.
+    """
+    figures = _checked(only or [])
+    _check_folder(out)
+    runs = _needed_runs(figures) if only else list(RUNS)
+    studies = [s for name in figures for s in FIGURES[name].studies] if only else list(STUDIES)
+    tasks = task_count(out, runs, studies)
+    with progress_bar("reproduce", tasks + len(figures), "parts", quiet) as progress:
+        failures = execute(out, runs, studies, progress)
+        evidence = Evidence(out, failures)
+        drawn = [name for name in figures if not _lacks(name, failures)]
+        _draw(drawn, evidence)
+        if progress:
+            progress(tasks + len(figures))
+    judgements = {} if only else judge_all(evidence)
+    report = out / report_name(only or [])
+    if judgements:
+        write_claims(evidence, judgements, out / "claims.json")
+    write_report(evidence, judgements, figures, report)
+    return Reproduction(report, judgements, failures)
+
+
+def _checked(only: list[str]) -> list[str]:
+    for name in only:
+        if name not in FIGURES:
+            raise InputError(
+                f"--only {name}: no such figure{suggestion(name, list(FIGURES))}; allowed: "
+                + ", ".join(FIGURES)
+            )
+    return [name for name in FIGURES if name in only] if only else list(FIGURES)
+
+
+def _check_folder(out: Path) -> None:
+    """Refuse to spread into a folder that is not a reproduction's."""
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        strangers = [p.name for p in out.iterdir() if not _ours(p.name)]
+    except OSError as error:
+        raise InputError(f"--out {out}: cannot make the folder: {error}") from error
+    if strangers:
+        raise InputError(
+            f"--out {out}: the folder holds something else ({strangers[0]}); give an empty one, or "
+            "that of an earlier reproduction, which is then continued"
+        )
+
+
+def _ours(name: str) -> bool:
+    return name in ("runs", "studies", "figures", "claims.json") or name.startswith("report")
+
+
+def _needed_runs(figures: list[str]) -> list[str]:
+    needed = {run for name in figures for run in FIGURES[name].runs}
+    return [name for name in RUNS if name in needed]
+
+
+def _lacks(figure: str, failures: Failures) -> bool:
+    return any(n in failures for n in (*FIGURES[figure].runs, *FIGURES[figure].studies))
+
+
+def _draw(names: list[str], evidence: Evidence) -> None:
+    from ttwmr_mj.reproduce_figures import draw
+
+    for name in names:
+        draw(FIGURES[name], evidence, evidence.out / "figures")
+
+
+def verdict_table(judgements: dict[str, Judgement]) -> str:
+    """Verdicts for the terminal, one line per claim."""
+    return "\n".join(
+        f"{judgement.verdict:18s}  {CLAIMS[name].source:28s}  {CLAIMS[name].statement}"
+        for name, judgement in judgements.items()
+    )
