@@ -43,6 +43,8 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, RobotState
 
+LEAST_ACCELERATION_M_S2 = 1e-3  # of F in a reference; slower circles have hardly any authority
+
 
 class Flatness(Controller):
     """The law above, on the observer's state, with the wheel map of the article's law."""
@@ -60,6 +62,14 @@ class Flatness(Controller):
         self._flat = task.reference.flat_derivatives
         direction, _ = trailer_axes(task.reference.theta2_rad)
         along = dot(self._flat[:, :, 2], direction)
+        singular = np.abs(along).min(axis=1) < LEAST_ACCELERATION_M_S2
+        if singular.any():
+            time = task.reference.time_s[singular][0]
+            raise InputError(
+                f"controller.kind = 'flatness': the trailer's centre of oscillation hardly "
+                f"accelerates at {time:g} s, where its path says nothing about the trailer; use "
+                "'tvlqr' or 'mpc' there"
+            )
         self._sign = np.sign(along[0])
         self._least = self._options.least_acceleration_share * np.abs(along)
         self._friction = HitchFriction(task.robot, self._options.friction)
@@ -91,7 +101,8 @@ class Flatness(Controller):
         acceleration = surge[:, None] * t + sway[:, None] * n
         command = self._wheels.command(acceleration, self._state(seen))
         after = self._observer.commanded(command.wheel_speed_rad_s)
-        self._advance(k, a + T * a_rate + 0.5 * T * T * bend, a_rate + T * bend, seen, after, command)
+        self._along, self._along_rate = a + T * a_rate + 0.5 * T * T * bend, a_rate + T * bend
+        self._hold_to_the_possible(k, seen, after, command)
         rate_per_s = self._options.integral_share * self._options.bandwidth_per_s
         self._integral = self._integral + T * rate_per_s * error * ~command.saturated
         return command
@@ -105,7 +116,7 @@ class Flatness(Controller):
     def _fourth_derivative(
         self, k: int, seen: Seen, swing: FloatArray
     ) -> tuple[FloatArray, ComplexArray]:
-        """s (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
+        """S (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
         reference = self._flat[k]
         rate, a, pull = seen.body[:, 4], self._along, self._length * swing
         t, n = trailer_axes(seen.body[:, 3])
@@ -121,25 +132,17 @@ class Flatness(Controller):
         s = s - i.real[:, None] * t - i.imag[:, None] * n
         return s, dot(e, t) + 1j * dot(e, n)
 
-    def _advance(
-        self,
-        k: int,
-        along: FloatArray,
-        along_rate: FloatArray,
-        seen: Seen,
-        after: Seen,
-        command: Command,
-    ) -> None:
-        """The controller's own states one period on: from what was possible, where wheels were cut."""
+    def _hold_to_the_possible(self, k: int, seen: Seen, after: Seen, command: Command) -> None:
+        """Keep a away from zero, and to what P really does where wheels were cut."""
         change = self._model.velocity(after.body, after.wheels, after.slip)
         change = change - self._model.velocity(seen.body, seen.wheels, seen.slip)
         t, _ = trailer_axes(0.5 * (seen.body[:, 3] + after.body[:, 3]))
         possible = dot(change, t) / self._period + self._length * after.body[:, 4] ** 2
         cut = command.saturated
-        size = self._sign * np.where(cut, possible, along)
+        size = self._sign * np.where(cut, possible, self._along)
         least = self._least[k]
         self._along = self._sign * np.maximum(size, least)
-        self._along_rate = np.where(cut | (size < least), 0.0, along_rate)
+        self._along_rate = np.where(cut | (size < least), 0.0, self._along_rate)
 
     def _state(self, seen: Seen) -> RobotState:
         """What the wheel map asks for; it looks at rates only at the first sample."""

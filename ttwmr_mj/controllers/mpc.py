@@ -4,15 +4,16 @@ Minimises the stage cost of `tracking_problem` over a horizon on the sampled non
 the observer's state and with its disturbances taken to last, under the servos' limits. The cost
 beyond the horizon is the cost to go of the time-varying LQR about the reference.
 
-Every period: roll the last plan out from where the robot really is, linearise along it, one
-Gauss-Newton step by the Riccati recursion, roll out a few lengths of that step with commands cut to
-the servos' limits, keep the best. One step a period suffices, as the plan is warm-started and the
-error of one period is small.
+Every period: linearise along the last plan, make one Gauss-Newton step by the Riccati recursion,
+roll its policy out from where the robot really is, for a few lengths of the step and with commands
+cut to the servos' limits, and keep the best. One step a period suffices, as the plan is
+warm-started and the error of one period is small.
 
 Stability: locally, in the classical way. The final cost is a Lyapunov function of the linearised
 loop under the LQR law, which is feasible near the reference; so the last plan continued by that law
-costs less than the last plan by one stage cost, and the step kept costs no more than it (length
-zero is among the candidates): the cost to go decreases along the loop. It assumes what the
+costs less than the last plan by one stage cost, and the step kept costs no more than it, to first
+order in what one period's surprise was (length zero is among the candidates): the cost to go
+decreases along the loop. It assumes what the
 time-varying LQR assumes near the reference (P moves, the reference is feasible with room to spare);
 far from it there is no proof, but the nonlinear model and the limits are in the plan, which is what
 a linear law lacks.
@@ -33,13 +34,12 @@ import numpy as np
 from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.controllers.limits import possible_command
 from ttwmr_mj.controllers.observer import Observer, Seen
 from ttwmr_mj.controllers.options import MpcController
 from ttwmr_mj.controllers.riccati import backward
 from ttwmr_mj.controllers.tracking_problem import STATES, Target, TrackingProblem
 from ttwmr_mj.controllers.tvlqr import apply, fit, with_disturbances
-from ttwmr_mj.controllers.wheels import NEAR_STANDSTILL_M_S
-from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.sampled import BODY, SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
@@ -97,19 +97,11 @@ class Mpc(Controller):
         seen = self._observer.update(estimate)
         disturbance = np.column_stack([seen.slip, seen.swing + self._friction.swing(seen)])
         plan = self._improved(k, self._now(seen, k), disturbance)
-        wheels = self._model.within_limits(seen.wheels, plan.command[0])
+        command = possible_command(plan.command[0], seen.wheels, self._model, self._robot)
         self._plan = plan
-        self._observer.commanded(wheels)
+        self._observer.commanded(command.wheel_speed_rad_s)
         self._keep_time(perf_counter() - began, k)
-        low, high = seen.wheels - self._model.reach_rad_s, seen.wheels + self._model.reach_rad_s
-        limit = self._model.speed_limit_rad_s
-        cut = (wheels <= np.maximum(low, -limit)) | (wheels >= np.minimum(high, limit))
-        speed = twist_from_wheels(wheels, self._robot)[:, 0]
-        return Command(
-            wheels,
-            saturated=cut.any(axis=1),
-            near_singular=np.abs(speed) < NEAR_STANDSTILL_M_S,
-        )
+        return command
 
     def _now(self, seen: Seen, k: int) -> FloatArray:
         """(nsim, 7) the state, its angles on the reference's branch."""
@@ -122,10 +114,7 @@ class Mpc(Controller):
         """Last period's plan, one Gauss-Newton step better, for the horizon from sample k on."""
         steps = min(self._horizon, len(self._target.command) - k)
         window = slice(k, k + steps)
-        last = self._shifted(k, steps)
-        still = np.zeros((steps, self._nsim, 2))
-        states, commands, _ = self._roll_out(k, now, last, still, STEP_LENGTHS[-1:], disturbance)
-        state, command = states[:, 0], commands[:, 0]
+        state, command = self._continued(k, steps, disturbance)
         linear = self._problem.linearise(
             state[:-1], command, np.broadcast_to(disturbance, (steps, *disturbance.shape))
         )
@@ -150,21 +139,30 @@ class Mpc(Controller):
         best, each = np.argmin(costs, axis=0), np.arange(self._nsim)
         return _Plan(states[:, best, each], commands[:, best, each], policy.gain)
 
-    def _shifted(self, k: int, steps: int) -> _Plan:
-        """Last period's plan from its second sample on, continued by the LQR about the reference."""
-        window = slice(k, k + steps)
-        shape = (steps, self._nsim)
-        state = np.broadcast_to(
-            self._target.state[k : k + steps + 1], (steps + 1, self._nsim, STATES)
-        ).copy()
-        command = np.broadcast_to(self._target.command[window], (*shape, 2)).copy()
-        gain = np.broadcast_to(self._lqr.gain[window][..., :STATES], (*shape, 2, STATES)).copy()
-        if self._plan is not None:
-            kept = min(len(self._plan.command) - 1, steps)
-            state[:kept] = self._plan.state[1 : kept + 1]
-            command[:kept] = self._plan.command[1 : kept + 1]
-            gain[:kept] = self._plan.gain[1 : kept + 1]
-        return _Plan(state, command, gain)
+    def _continued(
+        self, k: int, steps: int, disturbance: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """States and commands of the last plan from now on, with the LQR law for the last period.
+
+        The first plan of a run continues the reference.
+        """
+        if self._plan is None:
+            aim = self._target.state[k : k + steps + 1]
+            return self._batched(aim), self._batched(self._target.command[k : k + steps])
+        state, command = self._plan.state[1:], self._plan.command[1:]
+        if len(command) < steps:
+            end = k + steps - 1
+            miss = np.concatenate([state[-1] - self._target.state[end], disturbance], axis=1)
+            wish = self._target.command[end] + apply(self._lqr.gain[end], miss)
+            wish = self._model.within_limits(state[-1][:, BODY:], wish)
+            after = self._problem.next_state(state[-1], wish, disturbance)
+            state = np.concatenate([state, after[None]])
+            command = np.concatenate([command, wish[None]])
+        return state, command
+
+    def _batched(self, values: FloatArray) -> FloatArray:
+        """(n, nsim, m) of values (n, batch, m)."""
+        return np.broadcast_to(values, (values.shape[0], self._nsim, values.shape[2]))
 
     def _roll_out(
         self,
@@ -202,8 +200,10 @@ class Mpc(Controller):
 
     def _keep_time(self, took_s: float, k: int) -> None:
         self.slowest_s = max(self.slowest_s, took_s)
-        if took_s > self._period:
-            self.overruns += 1
+        if took_s <= self._period:
+            return
+        self.overruns += 1
+        if self.overruns & (self.overruns - 1) == 0:  # 1, 2, 4, ...: the log stays readable
             LOGGER.warning(
                 "mpc: the command of sample %d took %.1f ms of a period of %.1f ms (overrun %d)",
                 k,

@@ -22,7 +22,7 @@ from scipy.linalg import solve_discrete_are
 
 from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.options import ObserverOptions
-from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate
@@ -146,8 +146,7 @@ class Observer:
 
 def wheels_turn(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
     """(nsim,) turn rate u2 of rolling wheels (Eq. 9) [rad/s]."""
-    tractor = robot.tractor
-    return np.asarray((wheels[:, 0] - wheels[:, 1]) * tractor.wheel_radius_m / tractor.track_width_m)
+    return twist_from_wheels(wheels, robot)[:, 1]
 
 
 def kalman_gain(

@@ -24,6 +24,7 @@ import numpy as np
 from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.controllers.limits import possible_command
 from ttwmr_mj.controllers.observer import Observer, Seen
 from ttwmr_mj.controllers.options import TvlqrController
 from ttwmr_mj.controllers.riccati import Policy, backward
@@ -36,8 +37,6 @@ from ttwmr_mj.controllers.tracking_problem import (
     Target,
     TrackingProblem,
 )
-from ttwmr_mj.controllers.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
-from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
@@ -73,13 +72,9 @@ class Tvlqr(Controller):
         seen = self._observer.update(estimate)
         miss = error(seen, self._state[k], seen.swing + self._friction.swing(seen))
         wish = self._command[k] + apply(self._gain[k], miss)
-        wheels = self._model.within_limits(seen.wheels, wish)
-        self._observer.commanded(wheels)
-        return Command(
-            wheels,
-            saturated=np.abs(wheels - wish).max(axis=1) > CUT_RAD_S,
-            near_singular=np.abs(twist_from_wheels(wheels, self._robot)[:, 0]) < NEAR_STANDSTILL_M_S,
-        )
+        command = possible_command(wish, seen.wheels, self._model, self._robot)
+        self._observer.commanded(command.wheel_speed_rad_s)
+        return command
 
 
 def error(seen: Seen, aim: FloatArray, swing: FloatArray) -> FloatArray:
@@ -115,9 +110,7 @@ def _rollout(
     """The sampled model under a policy about (state, command), from the same start."""
     now, states, commands = state[0], [state[0]], []
     for k in range(len(command)):
-        commands.append(
-            command[k] + policy.feedforward[k] + apply(policy.gain[k], now - state[k])
-        )
+        commands.append(command[k] + policy.feedforward[k] + apply(policy.gain[k], now - state[k]))
         now = problem.next_state(now, commands[-1])
         states.append(now)
     return np.stack(states), np.stack(commands)

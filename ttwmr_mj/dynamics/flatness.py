@@ -52,10 +52,10 @@ def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> F
     Returns:
         the motion, as far as the derivatives reach.
     """
-    points = np.moveaxis(flat[..., 0] + 1j * flat[..., 1], -1, 0)
+    points = np.moveaxis(_complex(flat), -1, 0)
     trailer = _logarithm(sign * points[2:])
     theta2 = trailer.imag
-    direction = _exponential(1j * theta2)
+    direction = _turning(theta2)
     position = points[:-2] + robot.swing_length_m * direction
     tractor = _logarithm(position[1:])
     theta1 = tractor.imag
@@ -117,7 +117,7 @@ def centre_derivatives(
     Returns:
         (..., m, 2).
     """
-    direction = _exponential(1j * np.moveaxis(theta2, -1, 0))
+    direction = _turning(np.moveaxis(theta2, -1, 0))
     return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
 
 
@@ -142,13 +142,18 @@ def _logarithm(z: ComplexArray) -> ComplexArray:
     return L
 
 
-def _exponential(L: ComplexArray) -> ComplexArray:
-    """Derivatives (m, ...) of e^L from those of L, by the same rule."""
+def _turning(angle: FloatArray) -> ComplexArray:
+    """Derivatives (m, ...) of e^(i·angle) from those of the angle, by the same rule."""
+    L = 1j * angle.astype(np.complex128)
     z = np.empty_like(L)
     z[0] = np.exp(L[0])
     for n in range(1, L.shape[0]):
         z[n] = sum((comb(n - 1, j) * z[j] * L[n - j] for j in range(n)), np.zeros_like(z[0]))
     return z
+
+
+def _complex(points: FloatArray) -> ComplexArray:
+    return np.asarray(points[..., 0] + 1j * points[..., 1], dtype=np.complex128)
 
 
 def _plane(points: ComplexArray) -> FloatArray:

@@ -18,9 +18,7 @@ ROBOT = RobotParameters()
 # Shares of the servo presets' limits, so that feedback has the rest: of the fast one's 40 rad/s and
 # 100 rad/s², and of the lab one's 6.5 rad/s and 50 rad/s².
 FAST = Limits(wheel_speed_rad_s=25.0, wheel_acceleration_rad_s2=30.0)
-FAST_MOVING = Limits(
-    wheel_speed_rad_s=25.0, wheel_acceleration_rad_s2=30.0, speed_m_s=(0.08, 1.0)
-)
+FAST_MOVING = Limits(wheel_speed_rad_s=25.0, wheel_acceleration_rad_s2=30.0, speed_m_s=(0.08, 1.0))
 LAB = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0)
 LAB_MOVING = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0, speed_m_s=(0.03, 1.0))
 START, ASIDE, CORNER = (-0.4, -0.2, 0.0), (0.4, 0.2, 0.0), (0.35, 0.2, 0.5 * np.pi)

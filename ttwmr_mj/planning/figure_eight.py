@@ -19,10 +19,10 @@ from ttwmr_mj.planning.transcription import (
     THETA2,
     U1,
     U2,
-    X,
-    Y,
     Limits,
     Plan,
+    X,
+    Y,
     solve,
 )
 from ttwmr_mj.robot import RobotParameters

@@ -7,7 +7,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ttwmr_mj.planning.transcription import RATE, THETA1, THETA2, U1, U2, X, Y, Limits, Plan, solve
+from ttwmr_mj.planning.transcription import RATE, THETA1, THETA2, U1, U2, Limits, Plan, X, Y, solve
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 

@@ -126,7 +126,8 @@ def solve(
     ends(problem, states, jerks)
     problem.minimize(cost(states, jerks))
     problem.set_initial(states, guess.T)
-    problem.solver("ipopt", {"print_time": False}, {"print_level": 0, "max_iter": 2000, "tol": 1e-9})
+    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-9}
+    problem.solver("ipopt", {"print_time": False}, quiet)
     try:
         solution = problem.solve()
     except RuntimeError as error:

@@ -119,18 +119,16 @@ def check_feasibility(
     servo = robot.servo
     wheels = wheels_from_twist(twist[..., :2], robot)
     wheel_rate = wheels_from_twist(acceleration[..., :2], robot)
-    reflected = servo.reflected_inertia_kg_m2 * wheel_rate
-    undefined = np.isnan(reference.theta).any(axis=-1).astype(np.float64)
-    along = flat_output_acceleration(
-        q[..., 3], rate[..., 3], reference.acceleration_m_s2, robot
-    )
+    torque = torque + servo.reflected_inertia_kg_m2 * wheel_rate
+    undefined = np.asarray(np.isnan(reference.theta).any(axis=-1), dtype=np.float64)
+    along = flat_output_acceleration(q[..., 3], rate[..., 3], reference.acceleration_m_s2, robot)
     signals: list[tuple[str, str, FloatArray, float, bool]] = [
         ("defined", "", undefined, 0.5, True),
         ("no side slip", "m/s", constraint_residual(q, rate), SIDE_SLIP_M_S, True),
         ("free trailer", "N·m", _missing_torque(reference, robot), HITCH_TORQUE_N_M, True),
         ("wheel speed", "rad/s", wheels, servo.speed_limit_rad_s, True),
         ("wheel acceleration", "rad/s²", wheel_rate, servo.acceleration_limit_rad_s2, True),
-        ("wheel torque", "N·m", torque + reflected, servo.stall_torque_n_m, True),
+        ("wheel torque", "N·m", torque, servo.stall_torque_n_m, True),
         ("grip", "N", grip, floor_friction * _weight_on_wheels(robot), True),
     ]
     if workspace_m is not None:
@@ -154,7 +152,8 @@ def _missing_torque(reference: ReferencePath, robot: RobotParameters) -> FloatAr
     q, rate = reference.q, reference.q_rate
     free = trailer_acceleration(q[..., 3], reference.acceleration_m_s2, robot)
     demand = robot.swing_inertia_kg_m2 * (reference.theta_acceleration[..., 1] - free)
-    demand = demand - spring_damper_torque(q[..., 3] - q[..., 2], rate[..., 3] - rate[..., 2], robot.hitch)
+    hitch, hitch_rate = q[..., 3] - q[..., 2], rate[..., 3] - rate[..., 2]
+    demand = demand - spring_damper_torque(hitch, hitch_rate, robot.hitch)
     return np.maximum(np.abs(demand) - robot.hitch.coulomb_friction_n_m, 0.0)
 
 
@@ -228,6 +227,4 @@ def _spans(time_s: FloatArray, broken: BoolArray) -> tuple[tuple[float, float], 
     """First and last sample of every stretch of broken samples."""
     edges = np.diff(np.concatenate([[0], broken.astype(np.int8), [0]]))
     starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return tuple(
-        (float(time_s[i]), float(time_s[j])) for i, j in zip(starts, ends, strict=True)
-    )
+    return tuple((float(time_s[i]), float(time_s[j])) for i, j in zip(starts, ends, strict=True))

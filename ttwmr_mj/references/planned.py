@@ -59,8 +59,8 @@ class Planned:
         if abs(length - self.robot.swing_length_m) > LENGTH_TOLERANCE_M:
             raise InputError(
                 f"reference.plan: {self.plan} was made for a trailer with l + J2/(m2·l) = "
-                f"{length:g} m, got {self.robot.swing_length_m:g} m: restore robot.trailer, or make "
-                f"a plan for this robot with python -m ttwmr_mj.planning"
+                f"{length:g} m, got {self.robot.swing_length_m:g} m: restore robot.trailer, or "
+                "make a plan for this robot with ttwmr_mj.planning"
             )
 
     @property

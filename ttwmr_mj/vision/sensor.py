@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 
 import mujoco
 import numpy as np
@@ -22,7 +24,7 @@ from ttwmr_mj.vision.virtual_camera import VirtualCamera
 
 
 class CameraSensor:
-    """A `Sensor` that sees frames only. All calls must come from the thread that made it.
+    """A `Sensor` that sees frames only.
 
     Once per control period: `observe`, then `commanded` with what the controller answered.
 
@@ -69,7 +71,12 @@ class CameraSensor:
             MachineError: no OpenGL.
         """
         children = rng.spawn(2 * nsim)
-        self.cameras = [VirtualCamera(options, model, child) for child in children[:nsim]]
+        # OpenGL belongs to one thread; in one of its own, frames are exposed while the physics
+        # and the tracker go on, for as long as they are travelling anyway
+        self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
+        self.cameras: list[VirtualCamera] = self._worker.submit(
+            lambda: [VirtualCamera(options, model, child) for child in children[:nsim]]
+        ).result()
         layout = self.cameras[0].layout
         self.layout = layout
         self.trackers = [Tracker(calibrated, layout, robot, tracking) for _ in range(nsim)]
@@ -80,7 +87,7 @@ class CameraSensor:
         self._faults = [DeliveryFaults(options.faults.delivery, child) for child in children[nsim:]]
         self._period_s = period_s
         self._delay = round(latency_s / period_s)
-        self._travelling: deque[list[list[Frame]]] = deque()
+        self._travelling: deque[Future[list[list[Frame]]]] = deque()
         self._joint_positions = joint_positions
         self._robot = robot
         self._k = 0
@@ -94,7 +101,7 @@ class CameraSensor:
         now = self._k * self._period_s
         if self._k == 0:
             self._start(truth)
-        arrived = self._exchange(self._take(truth, now))
+        arrived = self._exchange(self._expose(truth, now))
         self.estimates = [
             self._track(simulation, frames, now) for simulation, frames in enumerate(arrived)
         ]
@@ -132,7 +139,8 @@ class CameraSensor:
     def close(self) -> None:
         """Give back what OpenGL holds."""
         for camera in self.cameras:
-            camera.close()
+            self._worker.submit(camera.close)
+        self._worker.shutdown()
 
     def _start(self, truth: RobotState) -> None:
         """Who puts the robot down knows roughly where, and how fast its wheels turn."""
@@ -142,32 +150,36 @@ class CameraSensor:
             tracker.commands.roll(wheels)
             tracker.assume(0.0, truth.q[i], float(truth.q_rate[i, 3]))
 
-    def _take(self, truth: RobotState, now: float) -> list[list[Frame]]:
-        """The frames that leave each camera in this period."""
+    def _expose(self, truth: RobotState, now: float) -> Future[list[list[Frame]]]:
+        """Let the cameras' thread take this period's frames of each simulation."""
         joints = None if self._joint_positions is None else self._joint_positions()
+        if joints is not None and joints.shape[-1] > 0:
+            postures = list(joints)
+        else:
+            pairs = zip(self.cameras, truth.q, strict=True)
+            postures = [camera.posture.positions(q) for camera, q in pairs]
+        return self._worker.submit(self._deliver, postures, truth.q_rate, now)
+
+    def _deliver(
+        self, postures: list[FloatArray], q_rate: FloatArray, now: float
+    ) -> list[list[Frame]]:
+        """The frames that leave each camera in this period; runs in the cameras' thread."""
         leaving = []
-        for i, (camera, faults) in enumerate(zip(self.cameras, self._faults, strict=True)):
-            if joints is not None and joints.shape[-1] > 0:
-                qpos = joints[i]
-            else:
-                qpos = camera.posture.positions(truth.q[i])
-            rate = truth.q_rate[i]
-
-            def take(
-                camera: VirtualCamera = camera, qpos: FloatArray = qpos, rate: FloatArray = rate
-            ) -> Frame:
-                return camera.take(qpos, rate, now, segmentation=self.segmentation)
-
-            leaving.append(faults.deliver(now, take))
+        for camera, faults, qpos, rate in zip(
+            self.cameras, self._faults, postures, q_rate, strict=True
+        ):
+            expose = partial(camera.take, qpos, rate, now, segmentation=self.segmentation)
+            leaving.append(faults.deliver(now, expose))
         return leaving
 
-    def _exchange(self, leaving: list[list[Frame]]) -> list[list[Frame]]:
+    def _exchange(self, leaving: Future[list[list[Frame]]]) -> list[list[Frame]]:
         """Put in what leaves the cameras, take out what arrives; the first arrives at once."""
         self._travelling.append(leaving)
+        nothing: list[list[Frame]] = [[] for _ in self.cameras]
         if len(self._travelling) <= self._delay:
-            return leaving if self._k == 0 else [[] for _ in leaving]
-        due = self._travelling.popleft()
-        return [[] for _ in leaving] if self._delay and self._k == self._delay else due
+            return leaving.result() if self._k == 0 else nothing
+        due = self._travelling.popleft().result()
+        return nothing if self._delay and self._k == self._delay else due
 
     def _track(self, simulation: int, frames: list[Frame], now: float) -> TrackEstimate:
         tracker = self.trackers[simulation]
