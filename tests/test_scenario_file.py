@@ -133,6 +133,21 @@ def test_overrides_reach_every_depth() -> None:
     assert data["description"] == "a = b"
 
 
+def test_a_fragment_is_merged_table_by_table_before_overrides(tmp_path: Path) -> None:
+    fragment = tmp_path / "fitted.toml"
+    fragment.write_text(
+        "[plant]\nkind = 'analytic'\n[plant.analytic.extended]\nwheel_radius_m = 0.0261\n"
+        "track_width_m = 0.12\n[robot.hitch]\ndamping_n_m_s_rad = 0.5\n"
+    )
+    path = write(tmp_path, GOOD)
+    scenario = load_scenario(path, ["robot.hitch.damping_n_m_s_rad=0.25"], fragment=fragment)
+    assert scenario.plant.kind == "analytic"
+    assert scenario.plant.analytic.extended.wheel_radius_m == 0.0261
+    assert scenario.robot.hitch.damping_n_m_s_rad == 0.25
+    with pytest.raises(InputError, match="cannot be read as TOML"):
+        load_scenario(path, fragment=tmp_path / "missing.toml")
+
+
 def leaves(value: object, path: str = "") -> list[tuple[str, object]]:
     """Every path of plain data that ends in a value, list elements by index."""
     if isinstance(value, dict):

@@ -88,6 +88,12 @@ def driven_robot(scenario: Scenario) -> RobotParameters:
 def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     """The plant, not yet reset."""
     options, robot = scenario.plant, driven_robot(scenario)
+    if options.kind == "analytic" and options.analytic.extended is not None:
+        from ttwmr_mj.dynamics.extended import ExtendedModel
+        from ttwmr_mj.plants.extended import ExtendedPlant
+
+        model = ExtendedModel(robot, options.analytic.extended.model_dump())
+        return ExtendedPlant(model, nsim, options.contact.timestep_s, options.analytic.max_step_s)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 

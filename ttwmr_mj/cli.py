@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 EXAMPLES = """examples:
   ttwmr run lab_circle                     a shipped scenario, by name
   ttwmr run my.toml --out results/mine     your own
+  ttwmr compare lab_circle                 contact physics against the analytic model
   ttwmr run lab_circle --set plant.kind=analytic --set controller.alpha1=40
   ttwmr view                               the newest recording under results/
 """
@@ -83,6 +84,34 @@ def make_parser() -> argparse.ArgumentParser:
     )
     validate.add_argument("scenarios", nargs="+", metavar="scenario")
     _add_scenario_options(validate)
+    compare = command(
+        "compare", _compare, "compare contact physics with the analytic model and explain it"
+    )
+    compare.add_argument("scenario", help="a TOML file, or the name of a shipped scenario")
+    _add_scenario_options(compare)
+    compare.add_argument(
+        "--mode",
+        choices=("open_loop", "closed_loop"),
+        default="open_loop",
+        help="one command history for both plants, or each under its own controller",
+    )
+    compare.add_argument(
+        "--real-wheels",
+        action="store_true",
+        help="open loop: drive the analytic model by the wheels' real speeds: slip alone is left",
+    )
+    compare.add_argument("--no-attribution", action="store_true", help="deviations only; fast")
+    compare.add_argument("--converge", action="store_true", help="refine the contact physics")
+    compare.add_argument("--fit", action="store_true", help="fit an extended analytic model")
+    compare.add_argument(
+        "--validate-on", metavar="SCENARIO", help="validate the fit there; default: a shipped one"
+    )
+    compare.add_argument(
+        "--tolerance", type=Path, metavar="FILE", help="TOML of allowed values; beyond them: exit 1"
+    )
+    compare.add_argument("--out", type=Path, metavar="DIR", help="the folder of the results")
+    compare.add_argument("--force", action="store_true", help="write into a non-empty folder")
+    compare.add_argument("--quiet", action="store_true", help="print nothing but errors")
     bench = command("bench", _bench, "run a suite of controllers on tasks and rank them")
     bench.add_argument("suite", nargs="?", default="quick", help="a TOML file or a shipped suite")
     bench.add_argument("--out", type=Path, metavar="DIR", help="finished rows in it are reused")
@@ -147,6 +176,9 @@ def _add_scenario_options(parser: argparse.ArgumentParser) -> None:
         metavar="KEY.PATH=VALUE",
         help="override one value of the scenario; may be given often",
     )
+    parser.add_argument(
+        "--fragment", type=Path, metavar="FILE", help="TOML merged into the scenario, as of --fit"
+    )
     parser.add_argument("--seed", type=int, help="replace the scenario's seed")
 
 
@@ -156,7 +188,7 @@ def _run(options: argparse.Namespace) -> int:
     from ttwmr_mj.run_folder import open_folder, results_folder
     from ttwmr_mj.scenario_file import find_scenario, load_scenario
 
-    scenario = load_scenario(options.scenario, options.overrides, options.seed)
+    scenario = load_scenario(options.scenario, options.overrides, options.seed, options.fragment)
     folder = options.out or results_folder(scenario.name, scenario.seed)
     open_folder(folder, options.force)
     with progress_bar(scenario.name, scenario.duration_s, "s", options.quiet) as progress:
@@ -188,6 +220,43 @@ def _print_run(run: Run) -> None:
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")
 
 
+def _compare(options: argparse.Namespace) -> int:
+    from ttwmr_mj.progress import progress_bar
+    from ttwmr_mj.run_folder import open_folder, results_folder
+    from ttwmr_mj.scenario_file import find_scenario, load_scenario
+    from ttwmr_mj.studies.compare import Options, compare_scenario, plain
+
+    scenario = load_scenario(options.scenario, options.overrides, options.seed, options.fragment)
+    wanted = Options(
+        mode=options.mode,
+        real_wheels=options.real_wheels,
+        attribute=not options.no_attribution,
+        converge=options.converge,
+        fit=options.fit,
+        validate_on=options.validate_on,
+        tolerance=options.tolerance,
+        recording=scenario.output.recording,
+        figures=scenario.output.figures,
+    )
+    folder = options.out or results_folder(f"{scenario.name}-compared", scenario.seed)
+    open_folder(folder, options.force)
+    with progress_bar(scenario.name, 1.0, "", options.quiet) as progress:
+        done = compare_scenario(
+            scenario,
+            folder,
+            wanted,
+            scenario_folder=find_scenario(options.scenario).parent,
+            command_line=["ttwmr", *sys.argv[1:]],
+            progress=progress,
+        )
+    if not options.quiet:
+        print(f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}")
+    if done.breaches:
+        lines = "\n".join(f"  {breach}" for breach in done.breaches)
+        raise RunError(f"{scenario.name} exceeds {options.tolerance}; see {folder}\n{lines}")
+    return 0
+
+
 def _validate(options: argparse.Namespace) -> int:
     from ttwmr_mj.errors import InputError
     from ttwmr_mj.scenario_file import load_scenario
@@ -195,7 +264,7 @@ def _validate(options: argparse.Namespace) -> int:
     faults = []
     for scenario in options.scenarios:
         try:
-            load_scenario(scenario, options.overrides, options.seed)
+            load_scenario(scenario, options.overrides, options.seed, options.fragment)
         except InputError as error:
             faults.append(str(error))
     if faults:
@@ -237,7 +306,9 @@ def _calibrate(options: argparse.Namespace) -> int:
     if options.images is not None:
         calibration = calibrate_from_images(options.images)
     else:
-        scenario = load_scenario(options.scenario, options.overrides, options.seed)
+        scenario = load_scenario(
+            options.scenario, options.overrides, options.seed, options.fragment
+        )
         calibration = calibrate_scenario(scenario)
     save_calibration(calibration, options.out)
     print(

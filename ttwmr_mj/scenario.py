@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, field_validator
 
 from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
+from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.options import FlatCircleReference, FlatEllipseReference, PlannedReference
 from ttwmr_mj.robot import Config, RobotParameters
@@ -216,6 +217,10 @@ class AnalyticOptions(Config):
     )
     published_spring: bool = Field(
         default=False, description="divide the hitch's spring torque by k as Eq. 41 prints it"
+    )
+    extended: ExtendedParameters | None = Field(
+        default=None,
+        description="a fitted model instead of the plain one, as `ttwmr compare --fit` writes it",
     )
 
 

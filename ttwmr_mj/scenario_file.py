@@ -39,28 +39,47 @@ def find_scenario(name_or_path: str) -> Path:
 
 
 def load_scenario(
-    name_or_path: str, overrides: list[str] | None = None, seed: int | None = None
+    name_or_path: str,
+    overrides: list[str] | None = None,
+    seed: int | None = None,
+    fragment: Path | None = None,
 ) -> Scenario:
-    """Read a scenario, apply overrides, check all of it.
+    """Read a scenario, merge a fragment into it, apply overrides, check all of it.
 
     Args:
         name_or_path: a TOML file or the name of a shipped scenario.
         overrides: `key.path=value`; the value is read as TOML, or else as plain text.
         seed: replaces the scenario's seed.
+        fragment: a TOML file whose values replace the scenario's, table by table.
 
     Raises:
         InputError: with every fault of the file in one message.
     """
     path = find_scenario(name_or_path)
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+    data = _read(path)
+    if fragment is not None:
+        _merge(data, _read(fragment))
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
         data["seed"] = seed
     return check_scenario(data, str(path), path.parent)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+
+
+def _merge(data: dict[str, Any], given: dict[str, Any]) -> None:
+    """Put given values into plain data, in place, table by table."""
+    for key, value in given.items():
+        if isinstance(value, dict) and isinstance(data.get(key), dict):
+            _merge(data[key], value)
+        else:
+            data[key] = value
 
 
 def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> Scenario:

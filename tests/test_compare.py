@@ -1,0 +1,266 @@
+"""The comparison against truth that needs no tuning, its files, its gate and its refusals."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from ttwmr_mj.cli import main
+from ttwmr_mj.dynamics.hybrid import swing_energy
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario_file import check_scenario
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
+from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.refusal import refuse_unlike
+from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.study import Options, compare_scenario, run_pair
+
+
+def open_loop(
+    *wheels: tuple[float, float, float], hitch: dict[str, Any] | None = None, **more: Any
+) -> Scenario:
+    """An open-loop scenario: (duration, right, left) segments, from rest at the origin."""
+    segments = [
+        {"duration_s": d, "wheel_right_rad_s": r, "wheel_left_rad_s": left} for d, r, left in wheels
+    ]
+    data: dict[str, Any] = {
+        "name": "test",
+        "duration_s": sum(d for d, _, _ in wheels),
+        "robot": {"hitch": hitch or {}},
+        "initial": {"x_m": 0.0, "y_m": 0.0},
+        "reference": {"kind": "none"},
+        "controller": {"kind": "open_loop", "segments": segments},
+        "output": {"recording": False, "figures": False},
+        **more,
+    }
+    return check_scenario(data, "test")
+
+
+def both(scenario: Scenario, commands: FloatArray) -> tuple[Any, Any]:
+    return replay_contact(scenario, commands), replay_analytic(scenario, commands)
+
+
+TURN = ((1.0, 5.0, 5.0), (1.2, 5.6, 3.2), (0.8, 5.0, 5.0))
+
+
+def test_at_rest_both_plants_stay_where_they_are() -> None:
+    scenario = open_loop((2.0, 0.0, 0.0))
+    pair = run_pair(scenario)
+    assert np.abs(pair.deviation.q).max() < 1e-6
+    assert pair.numbers["position_deviation_per_path"] is None  # nobody moved
+
+
+def test_on_a_straight_line_both_agree() -> None:
+    # by the wheels' real speeds: what is left is contact physics alone
+    pair = run_pair(open_loop((3.0, 5.0, 5.0)), real_wheels=True)
+    assert np.abs(pair.deviation.q).max() < 1e-6
+
+
+@pytest.mark.parametrize("plant", ["contact", "analytic"])
+def test_a_free_trailer_on_a_circle_settles_radially_outward(plant: str) -> None:
+    # damping so that it settles within the test: the swing dies as exp(−c·t/2J), J = 7.3e-3
+    fast = {"preset": "fast"}
+    robot = {"servo": fast, "hitch": {"damping_n_m_s_rad": 0.01}}
+    scenario = open_loop((12.0, 20.0, 17.0), robot=robot)
+    commands = np.tile([20.0, 17.0], (scenario.periods, 1))
+    play = replay_contact if plant == "contact" else replay_analytic
+    rows = play(scenario, commands)
+    hitch = rows.q[:, 0, 3] - rows.q[:, 0, 2]
+    # balls of 1 g and soft contacts shift the equilibrium by less than a milliradian
+    assert hitch[-1] == pytest.approx(math.pi / 2, abs=2e-3)
+
+
+@pytest.mark.parametrize("plant", ["contact", "analytic"])
+def test_swapping_left_and_right_mirrors_the_result(plant: str) -> None:
+    scenario = open_loop(*TURN)
+    commands = run_commands(scenario)
+    play = replay_contact if plant == "contact" else replay_analytic
+    q, mirrored = play(scenario, commands).q, play(scenario, commands[:, ::-1]).q
+    # MuJoCo sums contacts in the order of the geoms, so there the mirror is exact to rounding,
+    # which 6,000 steps of a free trailer amplify
+    bound = 1e-9 if plant == "contact" else 0.0
+    assert np.abs(mirrored - q * [1.0, -1.0, -1.0, -1.0]).max() <= bound
+
+
+def run_commands(scenario: Scenario) -> FloatArray:
+    return np.array(run_contact(scenario).commands)
+
+
+def test_the_free_swing_conserves_its_energy_on_the_analytic_plant() -> None:
+    scenario = open_loop((30.0, 6.0, 5.0))
+    rows = replay_analytic(scenario, np.tile([6.0, 5.0], (scenario.periods, 1)))
+    steady = slice(10, None)  # the servos have arrived
+    q, rate = rows.q[steady, 0], rows.q_rate[steady, 0]
+    forward = rate[:, 0] * np.cos(q[:, 2]) + rate[:, 1] * np.sin(q[:, 2])
+    twist = np.stack([forward, rate[:, 2]], axis=-1)
+    hitch, hitch_rate = q[:, 3] - q[:, 2], rate[:, 3] - rate[:, 2]
+    energy = swing_energy(hitch, hitch_rate, twist, scenario.robot)
+    # fourth-order steps of 11 ms over 30 s
+    assert np.ptp(energy) < 1e-9 * np.abs(energy).max()
+
+
+def test_the_physics_rate_record_is_the_run() -> None:
+    run = run_contact(open_loop(*TURN))
+    every = run.scenario.steps_per_period
+    # θ1 is unwrapped by two formulas, which round differently
+    np.testing.assert_allclose(run.physics.q[::every], run.trajectory.q[:, 0], rtol=0, atol=1e-14)
+    np.testing.assert_array_equal(
+        run.physics.wheel_speed_rad_s[::every], run.trajectory.wheel_speed_rad_s[:, 0]
+    )
+    # the reconstructed setpoints are what the stiff wheels do
+    lag = run.physics.setpoint_rad_s - run.physics.wheel_speed_rad_s[1:]
+    assert np.abs(lag).max() < 0.01
+
+
+def test_a_replay_is_the_run() -> None:
+    run = run_contact(open_loop(*TURN))
+    again = replay_contact(run.scenario, run.commands)
+    np.testing.assert_array_equal(again.q, run.trajectory.q)
+
+
+def test_the_residuals_are_small_and_have_the_right_signs() -> None:
+    # most of a turn at speed: slip points outward, friction never gives energy back
+    residuals = Residuals.of(run_contact(open_loop(*TURN)))
+    turning = (residuals.time_s > 1.2) & (residuals.time_s < 2.1)  # to the left
+    assert (residuals.slip_aside_m_s[turning, :2] < 0.0).all()
+    assert (residuals.lateral_speed_m_s[turning] > 0.0).all()
+    # 1.23 kg at 0.13 m/s carry 10 mJ
+    assert 0.0 < residuals.energy_lost_j[-1] < 1e-3
+    assert np.abs(residuals.trailer_torque_n_m).max() < 1e-4
+
+
+def test_deviation_knows_ahead_from_aside() -> None:
+    rows = replay_analytic(open_loop((0.5, 5.0, 5.0)), np.full((15, 2), 5.0))
+    moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])
+    deviation = Deviation.between(moved, rows)
+    np.testing.assert_allclose(deviation.position_m, 5e-3)
+    np.testing.assert_allclose(deviation.along_m, 3e-3)
+    np.testing.assert_allclose(deviation.aside_m, 4e-3)
+    np.testing.assert_allclose(deviation.hitch_angle_rad, -1e-3)
+    assert deviation.times()["position_over_0.001_m_s"] == 0.0
+    assert deviation.times()["position_over_0.01_m_s"] is None
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        (
+            {"plant": {"pushes": [{"start_s": 0.1, "duration_s": 0.1, "force_n": [1.0, 0.0]}]}},
+            "plant.pushes",
+        ),
+        (
+            {
+                "plant": {"analytic": {"published_spring": True}},
+                "robot": {"hitch": {"stiffness_n_m_rad": 1.0}},
+            },
+            "plant.analytic.published_spring",
+        ),
+    ],
+)
+def test_what_only_one_plant_understands_is_refused(change: dict[str, Any], key: str) -> None:
+    with pytest.raises(InputError, match=key):
+        refuse_unlike(open_loop((0.5, 1.0, 1.0), **change))
+
+
+def test_another_scene_is_refused() -> None:
+    from ttwmr_mj.assets import models_folder
+
+    scene = str(models_folder() / "scene.xml")
+    scenario = open_loop((0.5, 1.0, 1.0), plant={"contact": {"model_path": scene}})
+    with pytest.raises(InputError, match=r"plant\.contact\.model_path"):
+        refuse_unlike(scenario)
+
+
+def test_the_gate_names_what_exceeded_what(tmp_path: Path) -> None:
+    file = tmp_path / "tolerance.toml"
+    file.write_text("theta2_deviation_max_rad = 1e-3\nposition_deviation_per_path = 1.0\n")
+    numbers = {"theta2_deviation_max_rad": 2e-3, "position_deviation_per_path": None}
+    found = breaches(read_tolerances(file, numbers), numbers)
+    assert [str(breach) for breach in found] == [
+        "theta2_deviation_max_rad: got 0.002, allowed: 0.001 at most",
+        "position_deviation_per_path: got undefined, allowed: 1 at most",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no tolerance"),
+        ("a = ", "cannot be read"),
+        ("theta2_deviation_max = 1.0", "did you mean 'theta2_deviation_max_rad'"),
+        ("theta2_deviation_max_rad = -1.0", "0 or more"),
+        ("theta2_deviation_max_rad = true", "0 or more"),
+        ("theta2_deviation_max_rad = nan", "0 or more"),
+    ],
+)
+def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "tolerance.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_tolerances(file, ["theta2_deviation_max_rad"])
+
+
+@pytest.mark.parametrize("mode", ["open_loop", "closed_loop"])
+def test_the_lab_circle_deviates_by_less_than_a_thousandth_of_its_path(mode: Any) -> None:
+    from ttwmr_mj.scenario_file import load_scenario
+
+    scenario = load_scenario("lab_circle", ["duration_s=20.0"])
+    pair = run_pair(scenario, mode, real_wheels=mode == "open_loop")
+    share = pair.numbers["position_deviation_per_path"]
+    assert share is not None
+    assert share < 1e-3
+
+
+def test_the_files(tmp_path: Path) -> None:
+    scenario = open_loop(*TURN)
+    options = Options(attribute=False)
+    done = compare_scenario(scenario, tmp_path, options, command_line=["ttwmr", "compare"])
+    names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
+    assert {"compare.json", "manifest.json", "contact.parquet", "analytic.parquet"} <= names
+    assert {"run.rrd", "figures/deviation.svg", "figures/paths.png"} <= names
+    report = json.loads((tmp_path / "compare.json").read_text())
+    assert report == done.report
+    assert report["attribution"] is None
+    assert report["mode"] == "open_loop"
+    for key in (
+        "position_deviation_max_m",
+        "position_deviation_per_path",
+        "theta1_deviation_max_rad",
+        "theta2_deviation_rms_rad",
+        "theta2_deviation_max_rad",
+    ):
+        assert report[key] > 0.0
+
+
+def test_the_recording_holds_both_robots(tmp_path: Path) -> None:
+    from rerun.chunk import RrdReader
+
+    compare_scenario(open_loop(*TURN), tmp_path, Options(attribute=False, figures=False))
+    reader = RrdReader(str(tmp_path / "run.rrd"))
+    paths = {str(chunk.entity_path).strip("/") for chunk in reader.stream()}
+    assert {"world/tractor", "world/analytic/tractor", "world/deviation"} <= paths
+    assert {"plots/position/true", "plots/angles/true", "report"} <= paths
+    assert not any(path.startswith("world/analytic/floor") for path in paths)
+
+
+def test_the_command_line_is_a_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gate = tmp_path / "gate.toml"
+    gate.write_text("position_deviation_max_m = 1e-9\n")
+    common = ["compare", "open_loop_turn", "--no-attribution", "--quiet", "--set", "duration_s=1.0"]
+    common += ["--set", "output.recording=false", "--set", "output.figures=false"]
+    out = ["--out", str(tmp_path / "a"), "--tolerance", str(gate)]
+    assert main([*common, *out]) == 1
+    assert "position_deviation_max_m: got" in capsys.readouterr().err
+    gate.write_text("position_deviation_max_m = 1.0\n")
+    assert main([*common, *out, "--force"]) == 0
+    gate.write_text("position = 1.0\n")
+    assert main([*common, *out, "--force"]) == 2

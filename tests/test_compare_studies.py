@@ -1,0 +1,187 @@
+"""Attribution adds up, contact physics converges, the fit finds what it was not told."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_compare import TURN, open_loop, run_commands
+
+from ttwmr_mj.dynamics.extended import ExtendedParameters
+from ttwmr_mj.plants.extended import ExtendedPlant
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.state import RobotState
+from ttwmr_mj.studies.compare.attribution import QUANTITIES, attribute
+from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
+from ttwmr_mj.studies.compare.deviation import Deviation, rms
+from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
+from ttwmr_mj.studies.compare.fit import SCALES, fit, replay_extended
+from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.variant import changed
+
+BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
+
+
+def everything() -> Scenario:
+    """A scenario in which every effect is present."""
+    robot: dict[str, Any] = {
+        "tractor": {"wheel_shape": "cylinder"},
+        "hitch": {"damping_n_m_s_rad": 1e-3, "coulomb_friction_n_m": 1e-4},
+        "casters": {"rolling_resistance_m": 1e-5},
+    }
+    return open_loop(*BRISK, robot=robot)
+
+
+def test_every_effect_can_be_switched_off_and_on() -> None:
+    full = everything()
+    assert all(effect.present(full) for effect in EFFECTS)
+    ideal = with_effects(full, ())
+    assert not ideal.robot.hitch.damping_n_m_s_rad
+    assert ideal.robot.tractor.wheel_shape == "ellipsoid"
+    assert with_effects(full, [effect.name for effect in EFFECTS]) == full
+
+
+def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
+    full = open_loop(*BRISK, robot={"servo": {"velocity_gain_n_m_s_rad": 0.2}})
+    table = attribute(full, run_commands(full))
+    assert table.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
+    for quantity in QUANTITIES:
+        *parts, total = table.tables[quantity]
+        assert total.name == "total"
+        assert sum(row.contribution for row in parts) == pytest.approx(total.contribution)
+        for row in parts[:-2]:
+            assert row.alone is not None
+            assert row.interaction is not None
+            assert row.alone + row.interaction == pytest.approx(row.contribution)
+    shares = {row.name: row.share for row in table.tables["position"]}
+    assert shares["servo"] == pytest.approx(1.0, abs=0.1)
+    assert shares["rest"] == pytest.approx(0.0, abs=0.1)
+
+
+@pytest.mark.slow
+def test_every_effect_is_attributed() -> None:
+    full = everything()
+    table = attribute(full, run_commands(full))
+    assert table.present == tuple(effect.name for effect in EFFECTS)
+    for rows in table.tables.values():
+        assert sum(row.contribution for row in rows[:-1]) == pytest.approx(rows[-1].contribution)
+
+
+def test_contact_physics_converges_to_the_ideal_with_order_one() -> None:
+    scenario = open_loop(*BRISK)
+    study = converge(scenario, run_commands(scenario), levels=3)
+    for name, order in study.orders.items():
+        assert order == pytest.approx(1.0, abs=0.05), name
+
+
+@pytest.mark.slow
+def test_the_ideal_limit_on_a_circle_of_ten_metres() -> None:
+    # R = 1 m at 0.5 rad/s for 20 s
+    data = {
+        "robot": {"servo": {"preset": "fast"}, "hitch": {"damping_n_m_s_rad": 0.0}},
+        "initial": {"kind": "on_reference"},
+        "reference": {"kind": "circle", "radius_m": 1.0, "angular_rate_rad_s": 0.5},
+        "controller": {"kind": "lyapunov"},
+        "duration_s": 20.0,
+    }
+    base = open_loop(*BRISK).model_dump(exclude=set(data))
+    scenario = Scenario.model_validate({**base, **data})
+    commands = run_commands(scenario)
+    finest = replay_contact(refined(scenario, LEVELS - 1), commands)
+    numbers = Deviation.between(finest, replay_analytic(scenario, commands)).numbers()
+    assert numbers["path_length_m"] == pytest.approx(10.0, abs=0.05)
+    assert numbers["position_deviation_per_path"] is not None
+    assert numbers["position_deviation_per_path"] < 1e-4
+    assert numbers["theta2_deviation_max_rad"] is not None
+    assert numbers["theta2_deviation_max_rad"] < 1.5e-3
+
+
+def test_the_extended_model_without_extras_is_the_analytic_plant() -> None:
+    scenario = open_loop(*TURN, hitch={"damping_n_m_s_rad": 1e-3})
+    robot = scenario.robot
+    plain = ExtendedParameters(
+        wheel_radius_m=robot.tractor.wheel_radius_m,
+        track_width_m=robot.tractor.track_width_m,
+        hitch_damping_n_m_s_rad=1e-3,
+    ).model_dump()
+    # a step of the setpoint so short that it leads by nothing
+    fine = changed(scenario, {"plant.contact.timestep_s": 1.1e-5})
+    commands = run_commands(scenario)
+    extended, analytic = replay_extended(fine, commands, plain), replay_analytic(fine, commands)
+    assert np.abs(extended.q - analytic.q).max() < 5e-6
+
+
+def test_a_batch_of_extended_models_is_its_members() -> None:
+    scenario = open_loop(*BRISK)
+    values = ExtendedParameters.expected(scenario.robot).model_dump()
+    slips = np.array([0.0, 1e-3])
+    commands = run_commands(scenario)
+    batch = replay_extended(scenario, commands, {**values, "slip_time_s": slips})
+    for i, slip in enumerate(slips):
+        alone = replay_extended(scenario, commands, {**values, "slip_time_s": float(slip)})
+        np.testing.assert_array_equal(batch.q[:, i], alone.q[:, 0])
+
+
+def test_dry_friction_locks_the_extended_hitch() -> None:
+    scenario = open_loop(*BRISK)
+    values = ExtendedParameters.expected(scenario.robot).model_dump()
+    locked = replay_extended(
+        scenario, run_commands(scenario), {**values, "hitch_coulomb_friction_n_m": 1.0}
+    )
+    hitch = locked.q[:, 0, 3] - locked.q[:, 0, 2]
+    assert np.abs(hitch).max() < 1e-12
+
+
+def test_extended_plant_refuses_pushes() -> None:
+    from ttwmr_mj.dynamics.extended import ExtendedModel
+    from ttwmr_mj.errors import InputError
+
+    robot = open_loop(*BRISK).robot
+    model = ExtendedModel(robot, ExtendedParameters.expected(robot).model_dump())
+    plant = ExtendedPlant(model, 1, 1e-3, 0.033)
+    plant.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0))
+    plant.push({})
+    with pytest.raises(InputError, match=r"plant\.pushes"):
+        plant.push({"tractor": np.ones(2)})
+
+
+@pytest.mark.slow
+def test_the_fit_finds_what_it_was_not_told_and_predicts_an_unseen_run() -> None:
+    believed = open_loop(*TURN, hitch={"damping_n_m_s_rad": 1e-3})
+    truth = {
+        "robot.hitch.damping_n_m_s_rad": 2e-3,
+        "robot.hitch.coulomb_friction_n_m": 5e-5,
+        "robot.servo.velocity_gain_n_m_s_rad": 1.0,
+        "robot.tractor.wheel_radius_m": 0.0261,
+        "robot.tractor.track_width_m": 0.118,
+    }
+    unseen = open_loop((1.0, 4.0, 5.0), (1.5, 5.5, 4.0), hitch={"damping_n_m_s_rad": 1e-3})
+    runs = [
+        replace(run_contact(changed(scenario, truth)), scenario=scenario)
+        for scenario in (believed, unseen)
+    ]
+    found = fit(*runs)
+    estimates = found.parameters
+    assert set(estimates) == set(SCALES)
+    assert estimates["wheel_radius_m"].value == pytest.approx(0.0261, rel=1e-4)
+    assert estimates["track_width_m"].value == pytest.approx(0.118, rel=1e-3)
+    # (wheel + gears)/gain = 2.1e-4 kg·m²/1 N·m·s
+    assert estimates["servo_time_constant_s"].value == pytest.approx(2.1e-4, rel=0.1)
+    assert estimates["hitch_damping_n_m_s_rad"].value == pytest.approx(2e-3, rel=0.05)
+    assert estimates["hitch_coulomb_friction_n_m"].value == pytest.approx(5e-5, rel=0.1)
+    assert min(found.validation.factor.values()) > 5.0
+
+
+def test_the_fitted_model_predicts_the_lab_robot() -> None:
+    # with the numbers of the robot and the side slip of its contacts: tc/2 + half a step
+    scenario = open_loop(*TURN, hitch={"damping_n_m_s_rad": 1e-3})
+    contact = scenario.plant.contact
+    slip = 0.5 * (contact.contact_time_constant_s + contact.timestep_s)
+    values = ExtendedParameters.expected(scenario.robot).model_dump() | {"slip_time_s": slip}
+    run = run_contact(scenario)
+    plain = Deviation.between(run.trajectory, replay_analytic(scenario, run.commands))
+    better = Deviation.between(run.trajectory, replay_extended(scenario, run.commands, values))
+    assert rms(better.position_m) < 0.05 * rms(plain.position_m)
+    assert rms(better.q[:, 3]) < 0.2 * rms(plain.q[:, 3])

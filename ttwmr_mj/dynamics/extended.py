@@ -1,0 +1,219 @@
+"""The hybrid model (Eq. 24-29) with what a real robot adds to it, in closed form.
+
+Droop and lag of the servo, side slip, hitch friction, rolling balls. All are small, so what they
+cost is computed from the motion of the ideal robot and taken off it: there are no new states and
+nothing stiff. What jumps with the wheels' acceleration, as their lag does, would be an impulse on
+the trailer; integrated by parts it becomes a kick κ of θ̇2, and the state is the swing rate θ̇2 − κ.
+
+- A wheel that pushes with F and speeds up at ω̇ needs the torque r·F + I·ω̇, which a speed loop of
+  gain I/T gives for a speed error of that torque times T/I. T is the servo's time constant without
+  load, I the inertia of wheel and gears.
+- Side slip is s times the centripetal acceleration u1·u2: what soft contacts let through before
+  they push back. It points outward.
+- A ball that rolls resists acceleration with 2/5 of its mass, at its place on the floor, and its
+  motion with δ/ρ of its load.
+
+Arrays have a leading axis of nsim simulations; every parameter is a number or (nsim,).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.robot import Config, RobotParameters
+from ttwmr_mj.state import LEFT, RIGHT, FloatArray
+
+GRAVITY_M_S2 = 9.81
+ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
+CREEP_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
+
+Value = FloatArray | float
+
+
+class ExtendedParameters(Config):
+    """What the extended model has beyond Table I, or instead of it. SI units."""
+
+    wheel_radius_m: float = Field(gt=0, le=1, description="effective")
+    track_width_m: float = Field(gt=0, le=10, description="effective")
+    servo_time_constant_s: float = Field(default=0.0, ge=0, le=10, description="without load")
+    slip_time_s: float = Field(
+        default=0.0, ge=0, le=10, description="side slip of P per centripetal acceleration"
+    )
+    hitch_damping_n_m_s_rad: float = Field(default=0.0, ge=0, le=1e4)
+    hitch_coulomb_friction_n_m: float = Field(default=0.0, ge=0, le=1e3)
+    caster_mass_kg: float = Field(default=0.0, ge=0, le=10, description="of one rolling ball")
+    rolling_resistance_m: float = Field(default=0.0, ge=0, le=0.1)
+
+    @classmethod
+    def expected(cls, robot: RobotParameters) -> ExtendedParameters:
+        """What the robot's own numbers lead to expect; of side slip they say nothing."""
+        inertia = wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
+        return cls(
+            wheel_radius_m=robot.tractor.wheel_radius_m,
+            track_width_m=robot.tractor.track_width_m,
+            servo_time_constant_s=inertia / robot.servo.velocity_gain_n_m_s_rad,
+            hitch_damping_n_m_s_rad=robot.hitch.damping_n_m_s_rad,
+            hitch_coulomb_friction_n_m=robot.hitch.coulomb_friction_n_m,
+            caster_mass_kg=robot.casters.mass_kg,
+            rolling_resistance_m=robot.casters.rolling_resistance_m,
+        )
+
+
+class Motion(NamedTuple):
+    """Rates of the extended model, each (nsim,)."""
+
+    forward_m_s: FloatArray  # of P along the heading
+    left_m_s: FloatArray  # of P to the left: side slip
+    turn_rad_s: FloatArray  # θ̇1
+    kick_rad_s: FloatArray  # θ̇2 less the swing rate
+    swing_rad_s2: FloatArray  # rate of the swing rate, without dry friction
+
+
+@dataclass(frozen=True, slots=True)
+class ExtendedModel:
+    """The equations of motion.
+
+    Attributes:
+        robot: Table I, spring, geometry of the balls.
+        values: parameter name of `ExtendedParameters` → number or (nsim,).
+    """
+
+    robot: RobotParameters
+    values: dict[str, Value]
+
+    @property
+    def swing_inertia_kg_m2(self) -> Value:
+        """J2 + m2·l² (Eq. 17) and the trailer's rolling balls, about P."""
+        spacing, length = self.robot.casters.trailer_half_spacing_m, self._length
+        balls = 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
+        return self.robot.swing_inertia_kg_m2 + balls * (length**2 + spacing**2)
+
+    def motion(
+        self,
+        wheels: FloatArray,
+        wheels_rate: FloatArray,
+        hitch: FloatArray,
+        swing_rate: FloatArray,
+        lead_s: Value = 0.0,
+    ) -> Motion:
+        """The rates now.
+
+        Args:
+            wheels: (nsim, 2) setpoints (right, left) [rad/s].
+            wheels_rate: (nsim, 2) their rates [rad/s²].
+            hitch: (nsim,) θ2 − θ1.
+            swing_rate: (nsim,) θ̇2 less the kick [rad/s].
+            lead_s: (nsim, 2) how far the wheels are ahead of their setpoints.
+        """
+        u1, u2 = self.twist(wheels)
+        u1_rate, u2_rate = self.twist(wheels_rate)
+        # once with the ideal speeds for the forces, once with what these leave of them
+        swing = self._swing(u1, u2, u1_rate, u2_rate, hitch, swing_rate)
+        push = self._push(u1, u2, u1_rate, u2_rate, hitch, swing_rate, swing)
+        wheels = wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate)
+        ideal, (u1, u2) = u1, self.twist(wheels)
+        reach = self._tail * self._length / self.swing_inertia_kg_m2 * (u1 - ideal)
+        kick = -reach * np.sin(hitch)
+        theta2_rate = swing_rate + kick
+        swing = self._swing(u1, u2, u1_rate, u2_rate, hitch, theta2_rate)
+        swing += reach * np.cos(hitch) * (theta2_rate - u2)
+        return Motion(u1, -self.values["slip_time_s"] * u1 * u2, u2, kick, swing)
+
+    def twist(self, wheels: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """(u1, u2) by Eq. 8-9 with the effective radius and track."""
+        radius, track = self.values["wheel_radius_m"], self.values["track_width_m"]
+        right, left = wheels[:, RIGHT], wheels[:, LEFT]
+        return 0.5 * radius * (right + left), radius / track * (right - left)
+
+    @property
+    def _tail(self) -> Value:
+        """Mass [kg] that the trailer and its rolling balls pull with."""
+        balls = 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
+        return self.robot.trailer.mass_kg + balls
+
+    @property
+    def _length(self) -> float:
+        return self.robot.trailer.com_offset_m
+
+    def _swing(
+        self,
+        u1: FloatArray,
+        u2: FloatArray,
+        u1_rate: FloatArray,
+        u2_rate: FloatArray,
+        hitch: FloatArray,
+        theta2_rate: FloatArray,
+    ) -> FloatArray:
+        """θ̈2 (Eq. 17) under spring, damper and rolling balls."""
+        slip = self.values["slip_time_s"]
+        ahead = u1_rate + slip * u1 * u2**2
+        left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
+        cos, sin = np.cos(hitch), np.sin(hitch)
+        torque = self._tail * self._length * (left * cos - ahead * sin)
+        torque -= self.robot.hitch.stiffness_n_m_rad * hitch
+        torque -= self.values["hitch_damping_n_m_s_rad"] * (theta2_rate - u2)
+        torque += self._rolling_torque(u1, -slip * u1 * u2, cos, sin, theta2_rate)
+        return np.asarray(torque / self.swing_inertia_kg_m2)
+
+    def _rolling_torque(
+        self, u1: FloatArray, aside: FloatArray, cos: FloatArray, sin: FloatArray, rate: FloatArray
+    ) -> FloatArray:
+        """Torque about P of the floor on the trailer's two balls."""
+        length, spacing = self._length, self.robot.casters.trailer_half_spacing_m
+        resistance = self.values["rolling_resistance_m"] / self.robot.casters.radius_m
+        drag = 0.5 * resistance * self.robot.trailer.mass_kg * GRAVITY_M_S2
+        across = aside * cos - u1 * sin - length * rate
+        torque = np.zeros_like(u1)
+        for side in (-spacing, spacing):
+            along = u1 * cos + aside * sin - side * rate
+            size = np.sqrt(along**2 + across**2 + CREEP_M_S**2)
+            torque += (length * across + side * along) / size
+        return np.asarray(drag * torque)
+
+    def _push(
+        self,
+        u1: FloatArray,
+        u2: FloatArray,
+        u1_rate: FloatArray,
+        u2_rate: FloatArray,
+        hitch: FloatArray,
+        theta2_rate: FloatArray,
+        swing: FloatArray,
+    ) -> FloatArray:
+        """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
+        tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
+        nose, tail = tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * self._length
+        cos, sin = np.cos(hitch), np.sin(hitch)
+        force = (tractor.mass_kg + trailer.mass_kg) * u1_rate - nose * u2**2
+        force += tail * (sin * swing + cos * theta2_rate**2)
+        yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
+        torque = yaw * u2_rate + nose * u1 * u2
+        torque -= self.robot.hitch.stiffness_n_m_rad * hitch
+        torque -= self.values["hitch_damping_n_m_s_rad"] * (theta2_rate - u2)
+        # rolling resistance of the nose's ball, and of the trailer's as far as it drags P along
+        load = nose / casters.tractor_position_m * GRAVITY_M_S2
+        resistance = self.values["rolling_resistance_m"] / casters.radius_m
+        aside = casters.tractor_position_m * u2
+        size = np.sqrt(u1**2 + aside**2 + CREEP_M_S**2)
+        force += resistance * load * u1 / size
+        torque += resistance * load * casters.tractor_position_m * aside / size
+        across = u1 * sin + self._length * theta2_rate
+        size = np.sqrt((u1 * cos) ** 2 + across**2 + CREEP_M_S**2)
+        pull = (u1 + self._length * theta2_rate * sin) / size
+        force += resistance * trailer.mass_kg * GRAVITY_M_S2 * pull
+        share = torque / self.values["track_width_m"]
+        return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
+
+    def _shortfall(self, push: FloatArray, wheels_rate: FloatArray) -> FloatArray:
+        """(nsim, 2) wheel speed minus setpoint [rad/s]."""
+        inertia = wheel_inertia(self.robot)[0] + self.robot.servo.reflected_inertia_kg_m2
+        lag, radius = (
+            np.reshape(self.values[name], (-1, 1))
+            for name in ("servo_time_constant_s", "wheel_radius_m")
+        )
+        return np.asarray(-lag * (wheels_rate + radius / inertia * push))

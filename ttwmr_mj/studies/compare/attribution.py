@@ -1,0 +1,186 @@
+"""How much of the deviation each effect contributes: a factorial design around both ends.
+
+Let δ(S) be the deviation over time, contact physics minus analytic model, with the effects S on in
+both plants, under one command history. The ideal is δ(∅), the full model δ(all). For an effect e
+
+    alone      A = δ({e} ∪ n) − δ(n)              n: what e needs, else nothing
+    removed    O = δ(all − d) − δ(all − d − {e})  d: what needs e, else nothing
+
+Both are vectors over time, so they add. Half their sum, C = (A + O)/2, is e's Shapley value as far
+as interactions of two effects go: each is shared evenly by its two. What three and more do together
+is the row of higher interactions, H = δ(all) − δ(∅) − Σ C. What is left is the unexplained rest R:
+
+    δ(all) = Σ C + H + R
+
+Three effects cannot be switched off whole: the ideal still has a step, a stiffness, balls of some
+mass. Near the ideal the deviation is proportional to them (`convergence` measures it), so their A
+is extrapolated from the share that was removed to all of it, and the rest is δ(∅) less what this
+adds.
+
+To make numbers of it, each is projected on the total: c = ⟨C, δ⟩/‖δ‖², times the rms of δ. The
+column adds up to the total, exactly. A negative contribution works against the total.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
+from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+
+# The quantity's name, its columns of Deviation.q, its unit.
+QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One line of the table, in the quantity's unit.
+
+    Attributes:
+        name: of the effect, or "higher_interactions", "rest", "total".
+        alone: switched on from the ideal; None where that means nothing.
+        interaction: half of (removed − alone).
+        contribution: alone + interaction; these add up to the total.
+        share: contribution per total; None if the total is zero.
+        rms: of the contribution itself over time, whatever its direction.
+    """
+
+    name: str
+    alone: float | None
+    interaction: float | None
+    contribution: float
+    share: float | None
+    rms: float
+
+
+@dataclass(frozen=True, slots=True)
+class Attribution:
+    """Who contributes what.
+
+    Attributes:
+        present: effects the scenario has; the others contribute nothing.
+        tables: quantity ("position", "theta1", "theta2") → rows, the total last.
+    """
+
+    present: tuple[str, ...]
+    tables: dict[str, tuple[Row, ...]]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data with the unit in the keys."""
+        tables = {}
+        for quantity, rows in self.tables.items():
+            unit = QUANTITIES[quantity][1]
+            tables[quantity] = {
+                row.name: {
+                    f"alone_{unit}": row.alone,
+                    f"interaction_{unit}": row.interaction,
+                    f"contribution_{unit}": row.contribution,
+                    "share": row.share,
+                    f"rms_{unit}": row.rms,
+                }
+                for row in rows
+            }
+        return {"present": list(self.present), **tables}
+
+
+def attribute(
+    scenario: Scenario, commands: FloatArray, progress: Progress | None = None
+) -> Attribution:
+    """Run the design and make the tables.
+
+    Args:
+        scenario: the full model.
+        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
+        progress: called with the share of the work done.
+    """
+    present = [effect for effect in EFFECTS if effect.present(scenario)]
+    names = frozenset(effect.name for effect in present)
+    needs = {e.name: names.intersection(e.needs) for e in present}
+    needed_by = {n: frozenset(o for o in names if n in needs[o]) for n in names}
+    sets: list[frozenset[str]] = [frozenset(), names]
+    for name in (e.name for e in present):
+        below, above = needs[name], names - needed_by[name]
+        sets += [below, below | {name}, above, above - {name}]
+    delta = _deviations(scenario, commands, set(sets), progress)
+    contributions = {}
+    measured = np.zeros_like(delta[names])
+    for effect in present:
+        name = effect.name
+        below, above = needs[name], names - needed_by[name]
+        alone = delta[below | {name}] - delta[below]
+        removed = delta[above] - delta[above - {name}]
+        whole = 1.0 / effect.reach(scenario)
+        contributions[name] = (whole * alone, 0.5 * (removed - alone))
+        measured += 0.5 * (removed + alone)
+    higher = delta[names] - delta[frozenset()] - measured
+    tables = {
+        quantity: _table(contributions, higher, delta[names], columns)
+        for quantity, (columns, _) in QUANTITIES.items()
+    }
+    return Attribution(tuple(e.name for e in present), tables)
+
+
+def _deviations(
+    scenario: Scenario,
+    commands: FloatArray,
+    sets: Iterable[frozenset[str]],
+    progress: Progress | None,
+) -> dict[frozenset[str], FloatArray]:
+    """Effects on → δ (n, 4), every run once, the longest first."""
+    variants = {on: with_effects(scenario, on) for on in sets}
+    order = sorted(variants, key=lambda on: (variants[on].plant.contact.timestep_s, sorted(on)))
+    work = np.array([1.0 / variants[on].plant.contact.timestep_s for on in order])
+
+    def deviation(on: frozenset[str]) -> FloatArray:
+        variant = variants[on]
+        contact = replay_contact(variant, commands)
+        return Deviation.between(contact, replay_analytic(variant, commands)).q
+
+    found: dict[frozenset[str], FloatArray] = {}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for i, (on, q) in enumerate(zip(order, pool.map(deviation, order), strict=True)):
+            found[on] = q
+            if progress is not None:
+                progress(float(work[: i + 1].sum() / work.sum()))
+    return found
+
+
+def _table(
+    contributions: dict[str, tuple[FloatArray, FloatArray]],
+    higher: FloatArray,
+    total: FloatArray,
+    columns: list[int],
+) -> tuple[Row, ...]:
+    """Rows of one quantity, given by its columns of δ (n, 4)."""
+    whole = total[:, columns]
+    size = float(np.sqrt(np.mean((whole**2).sum(axis=1))))
+
+    def measure(part: FloatArray) -> tuple[float, float]:
+        """The part's projection on the total and its own rms."""
+        part = part[:, columns]
+        along = float((part * whole).sum() / (whole**2).sum()) * size if size else 0.0
+        return along, float(np.sqrt(np.mean((part**2).sum(axis=1))))
+
+    def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Row:
+        along, own = measure(part)
+        first = None if alone is None else measure(alone)[0]
+        second = None if first is None else along - first
+        return Row(name, first, second, along, along / size if size else None, own)
+
+    rows = [row(name, a + i, a) for name, (a, i) in contributions.items()]
+    explained = sum((a + i for a, i in contributions.values()), higher)
+    rows.append(row("higher_interactions", higher))
+    rows.append(row("rest", total - explained))
+    rows.append(row("total", total))
+    return tuple(rows)

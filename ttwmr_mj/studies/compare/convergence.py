@@ -1,0 +1,111 @@
+"""Does contact physics become the ideal model as it becomes ideal, and how fast?
+
+At level j the step, the contacts' time constant, the balls' mass and the inverse of the servo's
+gain are those of the scenario divided by 2^j. Hitch and wheel shape stay. The order p says how the
+deviation falls, as (step)^p; what is left at a level is about (deviation of the level before)/2^p.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.effects import IDEAL_STALL_TORQUE_N_M
+from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+from ttwmr_mj.studies.compare.variant import changed
+
+LEVELS = 4
+MEASURES = (
+    "position_deviation_max_m",
+    "position_deviation_per_path",
+    "theta1_deviation_max_rad",
+    "theta2_deviation_max_rad",
+)
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, slots=True)
+class Convergence:
+    """A convergence study.
+
+    Attributes:
+        timestep_s: (levels,) the coarsest first.
+        deviations: measure, of `MEASURES` → (levels,) deviations.
+        orders: measure → p of a least-squares line through the logarithms; None if a deviation is
+            zero or undefined.
+    """
+
+    timestep_s: FloatArray
+    deviations: dict[str, FloatArray]
+    orders: dict[str, float | None]
+
+    def as_json(self) -> dict[str, Any]:
+        """Plain data with the unit in the keys."""
+        columns = {name: values.tolist() for name, values in self.deviations.items()}
+        return {"timestep_s": self.timestep_s.tolist(), **columns, "order": self.orders}
+
+
+def refined(scenario: Scenario, level: int) -> Scenario:
+    """The scenario 2^level times closer to the ideal; at level 0 its servo just cannot saturate."""
+    factor = 2.0**level
+    contact, robot = scenario.plant.contact, scenario.robot
+    return changed(
+        scenario,
+        {
+            "plant.contact.timestep_s": contact.timestep_s / factor,
+            "plant.contact.contact_time_constant_s": contact.contact_time_constant_s / factor,
+            "robot.casters.mass_kg": robot.casters.mass_kg / factor,
+            "robot.servo.velocity_gain_n_m_s_rad": robot.servo.velocity_gain_n_m_s_rad * factor,
+            # a stiff servo that saturates would bang from limit to limit
+            "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
+        },
+    )
+
+
+def converge(
+    scenario: Scenario,
+    commands: FloatArray,
+    levels: int = LEVELS,
+    progress: Progress | None = None,
+) -> Convergence:
+    """Run every level under one command history.
+
+    Args:
+        scenario: the coarsest level.
+        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
+        levels: how many, two at least.
+        progress: called with the share of the work done.
+    """
+    variants = [refined(scenario, level) for level in range(levels)]
+    analytic = replay_analytic(scenario, commands)
+
+    def numbers(variant: Scenario) -> dict[str, float | None]:
+        return Deviation.between(replay_contact(variant, commands), analytic).numbers()
+
+    found: list[dict[str, float | None]] = []
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        # the finest takes longest and goes first
+        for i, row in enumerate(pool.map(numbers, reversed(variants))):
+            found.insert(0, row)
+            if progress is not None:
+                progress(1.0 - (2.0 ** (levels - 1 - i) - 1.0) / (2.0**levels - 1.0))
+    steps = np.array([variant.plant.contact.timestep_s for variant in variants])
+    deviations = {name: np.array([row[name] for row in found], np.float64) for name in MEASURES}
+    orders = {name: _order(steps, values) for name, values in deviations.items()}
+    return Convergence(steps, deviations, orders)
+
+
+def _order(steps: FloatArray, values: FloatArray) -> float | None:
+    """Slope of log(value) over log(step)."""
+    if not (values > 0.0).all():  # nor where one is undefined
+        return None
+    return float(np.polyfit(np.log(steps), np.log(values), 1)[0])
