@@ -119,7 +119,8 @@ def test_the_recording_shows_what_the_camera_saw(tmp_path: Path) -> None:
     samples = scenario.periods + 1
     for entity in ("found", "search", "true", "estimate", "covariance"):
         assert samples - 2 <= rows(f"/camera/picture/{entity}") <= samples
-    assert samples - 2 <= rows("/camera/picture") <= samples
+    # one picture in three
+    assert (samples - 2) // 3 <= rows("/camera/picture") <= samples // 3 + 1
     assert rows("/flags/tracker") >= 1
 
 

@@ -33,15 +33,22 @@ class CameraView:
         stream: of the recording.
         camera: the calibrated camera, which is what the estimate is drawn with.
         layout: the labels on the robot.
+        show_every: of so many frames one is kept as a picture; what was found, of all.
     """
 
     def __init__(
-        self, stream: rr.RecordingStream, camera: CameraModel, layout: LabelLayout
+        self,
+        stream: rr.RecordingStream,
+        camera: CameraModel,
+        layout: LabelLayout,
+        show_every: int = 1,
     ) -> None:
         self._stream = stream
         self._camera = camera
         self._layout = layout
         self._status: str | None = None
+        self._show_every = show_every
+        self._arrived = 0
         looks = rr.StateConfiguration(
             values=[str(status) for status in Status],
             labels=[" ", "blind", "lost"],
@@ -53,12 +60,23 @@ class CameraView:
         """Log the next control periods, oldest first."""
         if not records:
             return
-        self._pictures([record for record in records if record.frame is not None])
+        self._pictures(self._to_show(records))
         self._sightings([record for record in records if record.sighting is not None])
         known = [record for record in records if np.isfinite(record.estimate.q).all()]
         if known:
             self._estimates(known)
         self._states(records)
+
+    def _to_show(self, records: Sequence[CameraRecord]) -> list[CameraRecord]:
+        """The records whose frames are shown."""
+        shown = []
+        for record in records:
+            if record.frame is None:
+                continue
+            if self._arrived % self._show_every == 0:
+                shown.append(record)
+            self._arrived += 1
+        return shown
 
     def _pictures(self, records: Sequence[CameraRecord]) -> None:
         if not records:

@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.labels import LabelLayout
     from ttwmr_mj.vision.log import CameraRecord
 
+# 10 pictures a second: encoding all 30 would take a fifth of the time of a run
+SHOW_EVERY = 3
+
 
 class RunRecorder:
     """Writes the first simulation of a run for the Rerun viewer.
@@ -109,7 +112,7 @@ class RunRecorder:
         if self._camera is None:
             from ttwmr_mj.recording.camera_view import CameraView
 
-            self._camera = CameraView(self._stream, camera, layout)
+            self._camera = CameraView(self._stream, camera, layout, SHOW_EVERY)
         self._camera.append(records)
         self._stream.flush()
 
