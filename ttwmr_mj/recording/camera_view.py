@@ -60,7 +60,9 @@ class CameraView:
         """Log the next control periods, oldest first."""
         if not records:
             return
-        self._pictures(self._to_show(records))
+        arrived = [record for record in records if record.frame is not None]
+        self._pictures(self._to_show(arrived))
+        self._truths(arrived)
         self._sightings([record for record in records if record.sighting is not None])
         known = [record for record in records if np.isfinite(record.estimate.q).all()]
         if known:
@@ -69,14 +71,9 @@ class CameraView:
 
     def _to_show(self, records: Sequence[CameraRecord]) -> list[CameraRecord]:
         """The records whose frames are shown."""
-        shown = []
-        for record in records:
-            if record.frame is None:
-                continue
-            if self._arrived % self._show_every == 0:
-                shown.append(record)
-            self._arrived += 1
-        return shown
+        first = -self._arrived % self._show_every
+        self._arrived += len(records)
+        return list(records[first :: self._show_every])
 
     def _pictures(self, records: Sequence[CameraRecord]) -> None:
         if not records:
@@ -89,12 +86,15 @@ class CameraView:
         ]
         columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * len(blobs))
         self._stream.send_columns(PICTURE, [_times(records)], columns)
+
+    def _truths(self, records: Sequence[CameraRecord]) -> None:
+        """Where the labels really are, of simulated frames."""
         truths = [
             _finite(record.frame.truth.centres_px)
             for record in records
             if record.frame is not None and record.frame.truth is not None
         ]
-        if len(truths) == len(records):
+        if truths and len(truths) == len(records):
             self._points("true", records, truths, style.TRUE_LABEL, 2.0)
 
     def _sightings(self, records: Sequence[CameraRecord]) -> None:
