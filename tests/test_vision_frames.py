@@ -42,11 +42,12 @@ def class_centre(frame: Frame, number: int) -> np.ndarray:
 
 
 def test_segmentation_shows_each_label_where_the_truth_projects_it() -> None:
-    # a mask's mean is good to a fraction of a pixel: 125 whole pixels
+    # a pixel's class is that of the nearest of 2 × 2 rendered ones, up to a quarter of a pixel off;
+    # the mean of 125 whole pixels is good to a tenth
     frame = shot(LAB_CAMERA, segmentation=True)
     assert frame.truth is not None
     for i, centre in enumerate(frame.truth.centres_px):
-        assert class_centre(frame, FIRST_LABEL_CLASS + i) == pytest.approx(centre, abs=0.25)
+        assert class_centre(frame, FIRST_LABEL_CLASS + i) == pytest.approx(centre, abs=0.35)
     assert frame.truth.visible == pytest.approx(np.ones(4))
 
 

@@ -55,6 +55,23 @@ class CameraView:
             colors=[style.ESTIMATE, style.REFERENCE, style.ALERT],
         )
         stream.log(TRACKER, looks, static=True)
+        # what never changes is said once: columns of colours cost more than the points
+        self._look("true", rr.Points2D, style.TRUE_LABEL, 2.0)
+        self._look("found", rr.Points2D, style.FOUND_LABEL, 3.5)
+        self._look("search", rr.Boxes2D, style.REFERENCE, None)
+        self._look("estimate", rr.LineStrips2D, style.ESTIMATE, 1.2)
+        self._look("covariance", rr.LineStrips2D, style.COVARIANCE, 0.8)
+
+    def _look(
+        self,
+        name: str,
+        archetype: type[rr.Points2D] | type[rr.Boxes2D] | type[rr.LineStrips2D],
+        colour: style.Colour,
+        radius_px: float | None,
+    ) -> None:
+        radii = None if radius_px is None else [radius_px]
+        look = archetype.from_fields(colors=[colour], radii=radii)
+        self._stream.log(f"{PICTURE}/{name}", look, static=True)
 
     def append(self, records: Sequence[CameraRecord]) -> None:
         """Log the next control periods, oldest first."""
@@ -95,63 +112,45 @@ class CameraView:
             if record.frame is not None and record.frame.truth is not None
         ]
         if truths and len(truths) == len(records):
-            self._points("true", records, truths, style.TRUE_LABEL, 2.0)
+            self._points("true", records, truths)
 
     def _sightings(self, records: Sequence[CameraRecord]) -> None:
         if not records:
             return
         sightings = [record.sighting for record in records if record.sighting is not None]
         found = [_finite(sighting.found_px) for sighting in sightings]
-        self._points("found", records, found, style.FOUND_LABEL, 3.5)
+        self._points("found", records, found)
         searched = [_finite(sighting.predicted_px) for sighting in sightings]
         half = [
             np.full_like(centres, sighting.search_px)
             for centres, sighting in zip(searched, sightings, strict=True)
         ]
-        count = sum(map(len, searched))
         columns = rr.Boxes2D.columns(
-            centers=np.concatenate(searched),
-            half_sizes=np.concatenate(half),
-            colors=[style.REFERENCE] * count,
+            centers=np.concatenate(searched), half_sizes=np.concatenate(half)
         )
         counts = [len(centres) for centres in searched]
         path = f"{PICTURE}/search"
         self._stream.send_columns(path, [_times(records)], columns.partition(counts))
 
     def _points(
-        self,
-        name: str,
-        records: Sequence[CameraRecord],
-        points: Sequence[FloatArray],
-        colour: style.Colour,
-        radius_px: float,
+        self, name: str, records: Sequence[CameraRecord], points: Sequence[FloatArray]
     ) -> None:
-        count = sum(map(len, points))
-        columns = rr.Points2D.columns(
-            positions=np.concatenate(points),
-            colors=[colour] * count,
-            radii=[radius_px] * count,
-        ).partition([len(part) for part in points])
-        self._stream.send_columns(f"{PICTURE}/{name}", [_times(records)], columns)
+        columns = rr.Points2D.columns(positions=np.concatenate(points))
+        parts = columns.partition([len(part) for part in points])
+        self._stream.send_columns(f"{PICTURE}/{name}", [_times(records)], parts)
 
     def _estimates(self, records: Sequence[CameraRecord]) -> None:
         """The estimated halves as lines through P, and P's covariance, enlarged."""
-        self._lines("estimate", records, self._skeleton, style.ESTIMATE, 1.2)
-        self._lines("covariance", records, self._ellipse, style.COVARIANCE, 0.8)
+        self._lines("estimate", records, self._skeleton)
+        self._lines("covariance", records, self._ellipse)
 
     def _lines(
         self,
         name: str,
         records: Sequence[CameraRecord],
         draw: Callable[[CameraRecord], FloatArray],
-        colour: style.Colour,
-        radius_px: float,
     ) -> None:
-        columns = rr.LineStrips2D.columns(
-            strips=[draw(record) for record in records],
-            colors=[colour] * len(records),
-            radii=[radius_px] * len(records),
-        )
+        columns = rr.LineStrips2D.columns(strips=[draw(record) for record in records])
         self._stream.send_columns(f"{PICTURE}/{name}", [_times(records)], columns)
 
     def _skeleton(self, record: CameraRecord) -> FloatArray:

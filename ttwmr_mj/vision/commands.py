@@ -52,11 +52,11 @@ class CommandHistory:
         command = np.asarray(wheel_command_rad_s, dtype=np.float64).reshape(1, 2)
         change = np.abs(limit_speed(command, servo) - self._setpoint)
         # each wheel's ramp ends in a kink; between kinks the speeds are linear
-        kinks = np.minimum(change.ravel() / servo.acceleration_limit_rad_s2, duration_s)
-        after = np.unique(np.append(kinks[kinks > 0.0], duration_s))
-        speeds = ramp(self._setpoint, command, servo, after)
+        kinks = np.minimum(change.ravel() / servo.acceleration_limit_rad_s2, duration_s).tolist()
+        after = sorted({*(kink for kink in kinks if kink > 0.0), duration_s})
+        speeds = ramp(self._setpoint, command, servo, np.array(after))
         for delay, speed in zip(after, speeds[0], strict=True):
-            self._add(time_s + float(delay), speed)
+            self._add(time_s + delay, speed)
         self._setpoint = speeds[:, -1]
         self._forget(time_s - MEMORY_S)
 

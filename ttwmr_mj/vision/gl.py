@@ -39,6 +39,10 @@ def make_context() -> Any:
         MachineError: no backend works, or the chosen one fails.
     """
     backend = chosen_backend()
+    # Mesa's software renderer draws in the calling thread: handing a small picture to threads of
+    # its own takes longer than drawing it. Read when the first context is made; drivers of
+    # graphics cards do not look at it
+    os.environ.setdefault("LP_NUM_THREADS", "0")
     try:
         context = importlib.import_module(f"mujoco.{backend}").GLContext(16, 16)
         context.make_current()

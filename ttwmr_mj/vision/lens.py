@@ -81,8 +81,10 @@ class LensMap:
         reach = self.margin_px if self._defocus_px else 0
         top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)
         bottom, right = rows.stop + reach, columns.stop + reach
-        u = self._u[top:bottom, left:right] - np.float32(region.left + 0.5)
-        v = self._v[top:bottom, left:right] - np.float32(region.top + 0.5)
+        # the average of an even number lies between two pixels; OpenCV keeps it at the later
+        late = 0.5 * (self._supersampling % 2 == 0)
+        u = self._u[top:bottom, left:right] - np.float32(region.left + 0.5 - late)
+        v = self._v[top:bottom, left:right] - np.float32(region.top + 0.5 - late)
         averaged = cv2.blur(fine, (self._supersampling, self._supersampling))
         seen = cv2.remap(averaged, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         if self._defocus_px:

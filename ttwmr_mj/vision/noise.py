@@ -10,6 +10,7 @@ from ttwmr_mj.vision.options import Noise
 from ttwmr_mj.vision.renderer import Image
 
 FULL_SCALE = 255.0
+STRIP_ROWS = 32  # of the picture at a time: what is computed on the way stays in the cache
 TILE_MARGIN = 256  # a frame's noise is a random window of a tile this much larger than the frame
 
 
@@ -32,6 +33,8 @@ class SensorNoise:
         light = np.arange(256) / FULL_SCALE
         spread = np.hypot(options.read_noise, options.shot_noise * np.sqrt(light))
         self._spread = (FULL_SCALE * spread).astype(np.float32)
+        self._gain_rows = np.empty((STRIP_ROWS, width_px, 3), dtype=np.float32)
+        self._signal, self._noise = np.empty_like(self._gain_rows), np.empty_like(self._gain_rows)
         self._drift = rng.standard_normal(4)  # of gain, blue, green, red; unit variance
         self._time_s: float | None = None
 
@@ -46,17 +49,24 @@ class SensorNoise:
             (rows, columns, 3) as read.
         """
         gains = self._gains(time_s)
-        picture = light
-        if not np.all(gains == 1.0):
+        if not self._noisy:
+            if np.all(gains == 1.0):
+                return light
             table = np.rint(np.arange(256)[:, None] * gains).clip(0, 255).astype(np.uint8)
-            picture = np.asarray(cv2.LUT(picture, table[None]))
-        if self._noisy:
-            row, column = self._rng.integers(TILE_MARGIN, size=2)
-            rows, columns = self._shape
-            window = self._tile[row : row + rows, column : column + columns]
-            noise = cv2.LUT(picture, self._spread)
-            cv2.multiply(noise, window, dst=noise)
-            picture = np.asarray(cv2.add(picture, noise, dtype=cv2.CV_8U))
+            return np.asarray(cv2.LUT(light, table[None]))
+        picture = np.empty_like(light)
+        self._gain_rows[:] = gains
+        top, left = self._rng.integers(TILE_MARGIN, size=2)
+        rows, columns = self._shape
+        window = self._tile[top : top + rows, left : left + columns]
+        for start in range(0, rows, STRIP_ROWS):
+            part = slice(start, min(start + STRIP_ROWS, rows))
+            size = part.stop - start
+            signal, noise = self._signal[:size], self._noise[:size]
+            np.multiply(light[part], self._gain_rows[:size], out=signal)
+            cv2.LUT(light[part], self._spread, dst=noise)
+            cv2.multiply(noise, window[part], dst=noise)
+            cv2.add(signal, noise, dst=picture[part], dtype=cv2.CV_8U)
         return picture
 
     def _gains(self, time_s: float) -> FloatArray:

@@ -72,6 +72,10 @@ class Occluders:
             if segmentation is not None:
                 fill(segmentation, outline, (float(OCCLUDER_CLASS),), smooth=False)
 
+    def any_at(self, time_s: float) -> bool:
+        """Whether any of them is there at a time."""
+        return any(occluder.contains(time_s) for occluder in self._occluders)
+
     def hide(self, points_m: FloatArray, time_s: float, labels_m: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (..., 3), at the labels' height, are hidden."""
         hidden = np.zeros(points_m.shape[:-1], dtype=np.bool_)

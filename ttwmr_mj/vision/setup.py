@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from ttwmr_mj.plants.base import Plant
@@ -35,6 +36,9 @@ def make_camera_sensor(
         InputError: the calibration cannot be used, or the scene lacks a part.
         MachineError: no OpenGL.
     """
+    # camera and loop keep two cores busy; parting a strip of a picture among more threads costs
+    # more time than it saves
+    cv2.setNumThreads(1)
     calibration_rng, camera_rng = rng.spawn(2)
     contact = scenario.plant.contact
     scene = Path(contact.model_path) if contact.model_path else None

@@ -76,6 +76,9 @@ class VirtualCamera:
         self._occluders = Occluders(options.faults.occluders, self.true, self.layout)
         self._glare = GlareSpots(options.faults.glare, options.width_px, options.height_px)
         self._classes = _classes(self.model)
+        self._size_px = np.array([self.true.width_px, self.true.height_px])
+        highest = float(self.layout.height_m.max())
+        self._label_px = 2.0 * self.layout.radius_m / self.true.metres_per_pixel(highest)
         self._empty_floor = self._renderer.static(self._lens.whole)
         self.lay_out(options.faults.distractors)
 
@@ -121,10 +124,11 @@ class VirtualCamera:
         moment = time_s - half_s
         self._occluders.draw(light, classes, moment, labels_m)
         self._glare.add(light, moment)
+        centres_px = self.true.project(labels_m)
         truth = FrameTruth(
             q=q,
-            centres_px=self.true.project(labels_m),
-            visible=self._visible(labels_m, moment),
+            centres_px=centres_px,
+            visible=self._visible(labels_m, centres_px, moment),
             segmentation=classes,
         )
         return Frame(image=self._noise.read(light, moment), time_s=moment, truth=truth)
@@ -177,10 +181,10 @@ class VirtualCamera:
     def _region(self, instants: list[FloatArray]) -> Region:
         """Where the robot is during the exposure."""
         ends = []
-        for instant in (instants[0], instants[-1]):
-            self._renderer.place(instant)
+        for instant in sorted({0, len(instants) - 1}):
+            self._renderer.place(instants[instant])
             ends.append(self._renderer.robot_region(self._options.supersampling))
-        first, last = ends
+        first, last = ends[0], ends[-1]
         return Region(
             min(first.left, last.left),
             min(first.top, last.top),
@@ -202,15 +206,21 @@ class VirtualCamera:
         beside = cv2.inRange(robot, (0, 0, 0), (0, 0, 0))
         return np.asarray(cv2.copyTo(floor, beside, robot))
 
-    def _visible(self, labels_m: FloatArray, time_s: float) -> FloatArray:
+    def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
+        if not self._occluders.any_at(time_s) and self._well_inside(centres_px):
+            return np.ones(COUNT)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
         pixel = self.true.project(points)
-        limit = np.array([self.true.width_px, self.true.height_px]) - 0.5
-        inside = ((pixel >= -0.5) & (pixel < limit)).all(axis=-1)
+        inside = ((pixel >= -0.5) & (pixel < self._size_px - 0.5)).all(axis=-1)
         hidden = self._occluders.hide(points, time_s, labels_m)
         return np.asarray((inside & ~hidden).mean(axis=-1))
+
+    def _well_inside(self, centres_px: FloatArray) -> bool:
+        """Whether every centre is farther from the picture's border than a label is wide."""
+        margin = np.minimum(centres_px, self._size_px - 1.0 - centres_px)
+        return bool((margin > self._label_px).all())
 
 
 def _simplify_for_drawing(model: mujoco.MjModel) -> None:
@@ -219,7 +229,7 @@ def _simplify_for_drawing(model: mujoco.MjModel) -> None:
     if not model.geom_size[floor, :2].any():
         model.geom_size[floor, :2] = FLOOR_HALF_SIZE_M
     quality = model.vis.quality
-    quality.numquads, quality.numstacks = 1, 6
+    quality.numquads, quality.numstacks = 1, 2
 
 
 def _fade(model: mujoco.MjModel, faded: FadedLabel) -> None:
