@@ -19,6 +19,7 @@ import pytest
 
 from ttwmr_mj.curves import Curves, trailer_com
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.lyapunov_log import lyapunov_log
 from ttwmr_mj.plants.contact import CONTACTS, ContactPlant, read_contacts
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
@@ -26,6 +27,7 @@ from ttwmr_mj.recording import RunRecorder
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario import LyapunovController
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.trajectory import Trajectory
 
@@ -397,3 +399,31 @@ def test_kill_9_loses_no_appended_row(tmp_path: Path) -> None:
 def test_importing_the_package_does_not_import_rerun() -> None:
     code = "import sys, ttwmr_mj.recording; sys.exit('rerun' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True, env=dict(os.environ))
+
+
+def test_v_is_plotted_as_logged_however_the_rows_come(
+    model: mujoco.MjModel, reference: ReferencePath, run: Trajectory, tmp_path: Path
+) -> None:
+    law = LyapunovController(kind="lyapunov")
+    path = tmp_path / "run.rrd"
+    with RunRecorder(
+        path,
+        model=model,
+        robot=ROBOT,
+        reference=reference,
+        name="v",
+        summary_markdown="",
+        lyapunov=law,
+    ) as recorder:
+        recorder.append(run.rows(0, 20))
+        recorder.append(run.rows(20, len(run)))
+    read, log = Recording(path), lyapunov_log(run, law)
+
+    def values(name: str) -> FloatArray:
+        return read.values(f"/plots/{name}", "Scalars:scalars")[:, 0]
+
+    assert values("lyapunov/true") == pytest.approx(np.log10(log.v / log.v[0]), abs=1e-12)
+    # from sample to sample, so the first has none
+    measured = log.v_rate[:-1] / log.v[:-1]
+    assert values("lyapunov_rate/true") == pytest.approx(measured, rel=1e-9)
+    assert values("lyapunov_rate/claimed") == pytest.approx(log.v_rate_claimed / log.v, rel=1e-12)

@@ -18,6 +18,7 @@ from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import law
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.experiment import Outcome
+from ttwmr_mj.lyapunov_log import lyapunov_log
 from ttwmr_mj.reproduce_figures import DRAWERS
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario import LyapunovController, LyapunovPidController
@@ -28,7 +29,6 @@ from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures import FIGURES
 from ttwmr_mj.studies.reproduce.ideal import IdealLoop, sampled, solve
 from ttwmr_mj.studies.reproduce.judging import Judgement, verdict_of
-from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log
 from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE, RUNS, RunSpec
 from ttwmr_mj.studies.reproduce.studies import STUDIES
 from ttwmr_mj.studies.reproduce.study import reproduce

@@ -8,9 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ttwmr_mj.experiment import Experiment, Outcome, Result
+from ttwmr_mj.lyapunov_log import lyapunov_log, write_lyapunov
 from ttwmr_mj.metrics import Metrics, score
 from ttwmr_mj.run_folder import write_json, write_manifest, write_resolved
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario import LyapunovController, Scenario
 from ttwmr_mj.stopwatch import Stopwatch
 from ttwmr_mj.trajectory import Trajectory, physics_rate_table, to_table, write_parquet
 
@@ -82,6 +83,9 @@ def run_scenario(
     metrics = metrics_of(result, scenario, sum(shares.values()))
     write_json(folder / "metrics.json", metrics)
     write_parquet(to_table(result.trajectory), folder / "trajectory.parquet")
+    law = _lyapunov_law(experiment)
+    if law and len(result.trajectory) > 1:
+        write_lyapunov(lyapunov_log(result.trajectory, law), folder)
     if contact:
         write_parquet(physics_rate_table(*contact.physics_rate_states()), folder / PHYSICS_FILE)
     watch.lap("files")
@@ -91,6 +95,14 @@ def run_scenario(
         write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares})
+
+
+def _lyapunov_law(experiment: Experiment) -> LyapunovController | None:
+    """The gains of V (Eq. 33, 44), if the run's law has such a function and errors to put in."""
+    law = experiment.scenario.controller
+    if experiment.reference is None or not isinstance(law, LyapunovController):
+        return None
+    return law
 
 
 def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
@@ -177,6 +189,7 @@ def _recorded(
         name=scenario.name,
         summary_markdown=summary(scenario),
         camera=scenario.sensing.kind == "camera",
+        lyapunov=_lyapunov_law(experiment),
     ) as recorder:
         result = experiment.run(_reporter(experiment, recorder, frames, progress))
         wall_time_s = sum(result.wall_time_s.values())

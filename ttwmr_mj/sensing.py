@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 
 from ttwmr_mj.scenario import TruthSensing
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,23 +53,23 @@ class Sensor(Protocol):
         ...
 
 
-class LatencyQueue:
-    """Delays estimates by whole control periods; before the first arrives, the oldest stands in."""
+class LatencyQueue(Generic[T]):
+    """Delays what a sensor measures by whole control periods.
+
+    Before the first measurement has travelled that long, it stands in for those that are due.
+    """
 
     def __init__(self, latency_s: float, period_s: float) -> None:
         self._delay = round(latency_s / period_s)
-        self._period_s = period_s
-        self._waiting: deque[Estimate] = deque()
+        self._waiting: deque[T] = deque()
 
-    def exchange(self, fresh: Estimate) -> Estimate:
-        """Put in this period's estimate, take out the one that is due, with its age set."""
-        if self._delay == 0:
-            return fresh
+    def exchange(self, fresh: T) -> tuple[T, int]:
+        """Put in this period's measurement; take out what is due, and its age in periods."""
         self._waiting.append(fresh)
         due, age = self._waiting[0], len(self._waiting) - 1
         if age == self._delay:
             self._waiting.popleft()
-        return replace(due, age_s=due.age_s + age * self._period_s)
+        return due, age
 
 
 class TruthSensor:
@@ -76,7 +78,8 @@ class TruthSensor:
     def __init__(
         self, options: TruthSensing, period_s: float, nsim: int, rng: np.random.Generator
     ) -> None:
-        self._queue = LatencyQueue(options.latency_s, period_s)
+        self._queue = LatencyQueue[Estimate](options.latency_s, period_s)
+        self._period_s = period_s
         self._rng = rng
         position, angle = options.position_noise_m, options.angle_noise_rad
         velocity, rate = options.velocity_noise_m_s, options.rate_noise_rad_s
@@ -93,7 +96,9 @@ class TruthSensor:
         if self._noisy:
             noise = self._rng.standard_normal((truth.nsim, 2, 4)) * self._noise
             truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
-        return self._queue.exchange(Estimate(truth, self._fresh, self._valid, self._no_labels))
+        fresh = Estimate(truth, self._fresh, self._valid, self._no_labels)
+        due, age = self._queue.exchange(fresh)
+        return replace(due, age_s=due.age_s + age * self._period_s) if age else due
 
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
         """Commands tell the truth nothing new."""

@@ -6,7 +6,7 @@ import numpy as np
 import rerun.blueprint as rrb
 from rerun import TimeRange, TimeRangeBoundary
 
-from ttwmr_mj.recording.plots import PLOTS, SENSING
+from ttwmr_mj.recording.plots import LYAPUNOV, PLOTS, SENSING
 from ttwmr_mj.recording.scene import P_MARKER, TRACTOR_PATH, TRAILER_PATH
 from ttwmr_mj.recording.timeline import TIMELINE
 from ttwmr_mj.references.path import ReferencePath
@@ -23,7 +23,12 @@ OVERHEAD_ASPECT = 1.2  # width per height of the view from above
 
 
 def blueprint(
-    name: str, reference: ReferencePath | None, floor_m: FloatArray, *, camera: bool = False
+    name: str,
+    reference: ReferencePath | None,
+    floor_m: FloatArray,
+    *,
+    camera: bool = False,
+    lyapunov: bool = False,
 ) -> rrb.Blueprint:
     """The layout.
 
@@ -32,23 +37,25 @@ def blueprint(
         reference: decides which errors exist and get a plot.
         floor_m: (2, 2) lower and upper corner of the floor, to be seen whole from above.
         camera: show the camera's picture and how well the robot is known.
+        lyapunov: show V and V′ in a tab of their own.
     """
-    empty = _empty_plots(reference)
+    apart = {*SENSING, *LYAPUNOV, *_empty_plots(reference)}
     text = rrb.TextDocumentView(origin=REPORT, name=name)
-    motion = _grid("Motion", [plot for plot in PLOTS if plot not in (*SENSING, *empty)])
-    right: rrb.Grid | rrb.Tabs = motion
+    tabs = [_grid("Motion", [plot for plot in PLOTS if plot not in apart])]
     if camera:
         picture = rrb.Spatial2DView(origin=PICTURE, name="Camera", background=(24, 26, 30))
         below = rrb.Horizontal(picture, text, column_shares=[5, 3])
-        right = rrb.Tabs(motion, _grid("Estimation", [*SENSING, "theta1", "theta2"]))
+        tabs.append(_grid("Estimation", [*SENSING, "theta1", "theta2"]))
     else:
         above = _scene("From above", _overhead_eye(floor_m))
         below = rrb.Horizontal(above, text)
+    if lyapunov:
+        tabs.append(_grid("Lyapunov", [*LYAPUNOV, "tractor_error", "wheel_speed"]))
     left = rrb.Vertical(
         _scene("Robot", _following_eye()), below, row_shares=[1, 1] if camera else [3, 2]
     )
     return rrb.Blueprint(
-        rrb.Horizontal(left, right),
+        rrb.Horizontal(left, rrb.Tabs(*tabs) if len(tabs) > 1 else tabs[0]),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE),
         rrb.SelectionPanel(state="hidden"),
         rrb.BlueprintPanel(state="hidden"),

@@ -16,6 +16,9 @@ from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.trajectory import Trajectory
 
+# plot → series → values (n, curves), NaN where undefined
+Values = dict[str, dict[str, FloatArray]]
+
 # What was asked for is a wide band under the thin line of what happened. The viewer draws the
 # series of a plot in the alphabetical order of their entities, so "true" comes last.
 BAND, LINE = 5.0, 2.0  # points on the screen
@@ -100,6 +103,15 @@ PLOTS: dict[str, Plot] = {
             "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
         },
     ),
+    "lyapunov": Plot("V over its start, log10 (Eq. 33)", None, {"true": _single(style.TRACTOR)}),
+    "lyapunov_rate": Plot(
+        "V′ over V [1/s]: positive where V grows",
+        Corner2D.RightTop,
+        {
+            "claimed": Series(("Eq. 36",), (style.REFERENCE,), width=BAND),
+            "true": Series(("measured",), (style.TRACTOR,)),
+        },
+    ),
     "estimate_error": Plot("estimation error of P [mm]", None, {"seen": _single(style.ESTIMATE)}),
     "estimate_angle_error": Plot(
         "estimation errors of the angles [mrad]",
@@ -118,6 +130,7 @@ SENSING = (
     "estimate_angle_error",
     "measurement_age",
 )  # worth a look with a camera
+LYAPUNOV = ("lyapunov", "lyapunov_rate")  # of laws that have such a function
 FLAGS = ("saturated", "near_singular")
 
 
@@ -135,15 +148,22 @@ class Plots:
             )
             stream.log(f"flags/{name}", looks, static=True)
 
-    def append(self, now: rr.TimeColumn, rows: Trajectory, curves: Curves) -> None:
+    def append(
+        self,
+        now: rr.TimeColumn,
+        rows: Trajectory,
+        curves: Curves,
+        more: Values | None = None,
+    ) -> None:
         """Log the next rows of the run.
 
         Args:
             now: the rows' times.
             rows: n rows; the first simulation is drawn.
             curves: of the same rows.
+            more: values of further plots, of the same rows.
         """
-        for plot, series in _values(rows, curves).items():
+        for plot, series in (_values(rows, curves) | (more or {})).items():
             for name, values in series.items():
                 path = f"plots/{plot}/{name}"
                 self._append_series(path, PLOTS[plot].series[name], now, rows.time_s, values)
@@ -192,11 +212,11 @@ def _looks(series: Series) -> rr.SeriesLines:
     )
 
 
-def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]]:
-    """Plot → series → values (n, curves), the first simulation; NaN where undefined."""
+def _values(rows: Trajectory, curves: Curves) -> Values:
+    """The values of the first simulation."""
     q, ref_q, est_q = rows.q[:, 0], rows.ref_q[:, 0], rows.est_q[:, 0]
     seen = np.where((est_q != q).any(axis=1, keepdims=True), est_q, np.nan)
-    values: dict[str, dict[str, FloatArray]] = {
+    values: Values = {
         plot: {"true": q[:, [i]], "seen": seen[:, [i]], "reference": ref_q[:, [i]]}
         for i, plot in enumerate(("x", "y", "theta1", "theta2"))
     }

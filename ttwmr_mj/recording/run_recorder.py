@@ -16,11 +16,13 @@ import rerun_bindings
 from ttwmr_mj.curves import Curves
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.blueprint import REPORT, blueprint
+from ttwmr_mj.recording.lyapunov_curves import LyapunovCurves
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.scene import Scene, floor_corners
 from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario import LyapunovController
 from ttwmr_mj.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -47,6 +49,7 @@ class RunRecorder:
         name: of the recording, as the viewer lists it.
         summary_markdown: what is known before the run (scenario, seed, ...).
         camera: whether a camera's view will be added (`append_camera`).
+        lyapunov: gains of the law whose V to plot; None plots none.
 
     Raises:
         InputError: the file cannot be created.
@@ -62,6 +65,7 @@ class RunRecorder:
         name: str,
         summary_markdown: str,
         camera: bool = False,
+        lyapunov: LyapunovController | None = None,
     ) -> None:
         rr.set_strict_mode(True)  # else wrong calls only warn
         self._robot = robot
@@ -69,7 +73,7 @@ class RunRecorder:
         self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
         self._stream.set_log_time_enabled(False)
         floor_m = floor_corners(reference)
-        layout = blueprint(name, reference, floor_m, camera=camera)
+        layout = blueprint(name, reference, floor_m, camera=camera, lyapunov=lyapunov is not None)
         try:
             self._stream.save(path, default_blueprint=layout)
         except RuntimeError as error:
@@ -80,6 +84,7 @@ class RunRecorder:
         self._report(summary_markdown)
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
+        self._lyapunov = None if lyapunov is None else LyapunovCurves(lyapunov)
         self._camera: CameraView | None = None
 
     def append(self, rows: Trajectory) -> None:
@@ -95,7 +100,8 @@ class RunRecorder:
         now = time_column(rows.time_s)
         curves = Curves.of(rows, self._robot)
         self._scene.append(now, rows, curves)
-        self._plots.append(now, rows, curves)
+        more = None if self._lyapunov is None else self._lyapunov.of(rows)
+        self._plots.append(now, rows, curves, more)
         self._stream.flush()
 
     def append_camera(

@@ -185,7 +185,10 @@ LAB_LENS = Lens(
 LAB_NOISE = Noise(read_noise=0.018, shot_noise=0.012, gain_drift=0.02, white_balance_drift=0.01)
 # two by two rendered pixels are enough behind its blur: three by three move P by 0.01 mm
 LAB_CAMERA = CameraOptions(
-    supersampling=2, lens=LAB_LENS, exposure=Exposure(exposure_s=0.008), noise=LAB_NOISE
+    supersampling=2,
+    lens=LAB_LENS,
+    exposure=Exposure(exposure_s=0.008, blur_step_px=0.75),
+    noise=LAB_NOISE,
 )
 PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
@@ -12,7 +11,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.sensing import Estimate, LatencyQueue
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.vision.camera import CameraModel
 from ttwmr_mj.vision.delivery import DeliveryFaults
@@ -86,8 +85,8 @@ class CameraSensor:
         self._log: list[CameraRecord] | None = None
         self._faults = [DeliveryFaults(options.faults.delivery, child) for child in children[nsim:]]
         self._period_s = period_s
-        self._delay = round(latency_s / period_s)
-        self._travelling: deque[Future[list[list[Frame]]]] = deque()
+        self._travelling = LatencyQueue[Future[list[list[Frame]]]](latency_s, period_s)
+        self._arrived: Future[list[list[Frame]]] | None = None
         self._joint_positions = joint_positions
         self._robot = robot
         self._k = 0
@@ -174,12 +173,11 @@ class CameraSensor:
 
     def _exchange(self, leaving: Future[list[list[Frame]]]) -> list[list[Frame]]:
         """Put in what leaves the cameras, take out what arrives; the first arrives at once."""
-        self._travelling.append(leaving)
-        nothing: list[list[Frame]] = [[] for _ in self.cameras]
-        if len(self._travelling) <= self._delay:
-            return leaving.result() if self._k == 0 else nothing
-        due = self._travelling.popleft().result()
-        return nothing if self._delay and self._k == self._delay else due
+        due, _ = self._travelling.exchange(leaving)
+        if due is self._arrived:  # the first stands in for those that are still on their way
+            return [[] for _ in self.cameras]
+        self._arrived = due
+        return due.result()
 
     def _track(self, simulation: int, frames: list[Frame], now: float) -> TrackEstimate:
         tracker = self.trackers[simulation]

@@ -13,7 +13,6 @@ from typing import Any
 
 from ttwmr_mj.errors import TtwmrError
 from ttwmr_mj.run_folder import write_json, write_text
-from ttwmr_mj.scenario import LyapunovController
 from ttwmr_mj.scenario_file import dump_scenario
 from ttwmr_mj.studies.reproduce.fingerprint import code_of_runs, code_of_studies
 from ttwmr_mj.studies.reproduce.runs import RUNS
@@ -95,10 +94,8 @@ def run_is_done(out: Path, name: str) -> bool:
 
 
 def do_run(out: Path, name: str) -> None:
-    """One run into its folder, with V(t) beside the trajectory."""
+    """One run into its folder."""
     from ttwmr_mj.run import run_scenario
-    from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log, write_lyapunov
-    from ttwmr_mj.trajectory import read_parquet
 
     scenario, folder = RUNS[name].scenario(), run_folder(out, name)
     shutil.rmtree(folder, ignore_errors=True)  # half a run, or one of another scenario
@@ -106,9 +103,6 @@ def do_run(out: Path, name: str) -> None:
     run = run_scenario(scenario, folder, command_line=RUNS[name].command())
     if run.outcome.status == "interrupted":  # Ctrl-C reaches the workers too
         raise KeyboardInterrupt
-    if isinstance(scenario.controller, LyapunovController):
-        trajectory = read_parquet(folder / "trajectory.parquet")
-        write_lyapunov(lyapunov_log(trajectory, scenario.controller), folder)
     write_text(folder / DONE_FILE, code_of_runs())
 
 
