@@ -286,6 +286,7 @@ def time_chain(camera: VirtualCamera, known: CameraModel) -> dict[str, float]:
 
 def main() -> None:
     poses = int(sys.argv[1]) if len(sys.argv) > 1 else POSES
+    cv2.setNumThreads(1)  # as in the loop
     result: dict[str, Any] = {"benchmark": "vision_accuracy", "poses": poses, "seed": SEED}
     model = build_model(ROBOT, ContactOptions())
     for kind, options, speed in (("clean", CameraOptions(), 0.0), ("lab", LAB_CAMERA, SPEED_M_S)):
