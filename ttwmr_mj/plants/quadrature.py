@@ -25,8 +25,8 @@ class Rule:
 class Integrals(NamedTuple):
     """Integrals from the start of a window over its stretches' n nodes, as matrices."""
 
-    time: FloatArray  # (n, 1) of the nodes
-    end: FloatArray  # (stretch, 1) times of the stretches' ends
+    time: FloatArray  # (n,) of the nodes
+    end: FloatArray  # (stretch,) times of the stretches' ends
     once: FloatArray  # (n, n) from the start to every node
     twice: FloatArray  # (n, n) the integral's integral
     once_to_end: FloatArray  # (stretch, n) from the start to every stretch's end
@@ -49,7 +49,7 @@ def integrals(rule: Rule, durations: tuple[float, ...]) -> Integrals:
     twice.reshape(within)[diagonal, :, diagonal] += duration[:, None, None] ** 2 * rule.twice
     once_to_end = (diagonal[:, None] >= owner) * weight
     twice_to_end = once_to_end * (end[:, None] - time)
-    return Integrals(time[:, None], end[:, None], once, twice, once_to_end, twice_to_end)
+    return Integrals(time, end, once, twice, once_to_end, twice_to_end)
 
 
 def rule_for(extent: float, alone: bool) -> Rule:
@@ -57,7 +57,7 @@ def rule_for(extent: float, alone: bool) -> Rule:
     for count, longest in ((2, 0.02), (3, 0.12), (4, 0.35)):
         if extent < longest:
             return _gauss(count, longest)
-    return _gauss(16, 2.0) if alone else _gauss(8, 1.0)
+    return _gauss(16, 2.0) if alone else _gauss(5, 0.5)
 
 
 @cache
