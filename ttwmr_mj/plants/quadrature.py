@@ -33,23 +33,31 @@ class Integrals(NamedTuple):
     twice_to_end: FloatArray  # (stretch, n)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def integrals(rule: Rule, durations: tuple[float, ...]) -> Integrals:
     """The integrals over stretches of these durations."""
     duration = np.array(durations)
     count, size = duration.size, len(rule.nodes)
     end = np.cumsum(duration)
-    owner = np.repeat(np.arange(count), size)
-    time = (end - duration)[owner] + np.tile(rule.nodes, count) * duration[owner]
-    weight = np.tile(rule.weights, count) * duration[owner]
-    earlier = (owner[:, None] > owner) * weight
-    once, twice = earlier, earlier * (time[:, None] - time)
+    time = ((end - duration)[:, None] + np.outer(duration, rule.nodes)).ravel()
+    weight = np.outer(duration, rule.weights).ravel()
+    before, until = _masks(count, size)
+    once = before * weight
+    twice = time[:, None] - time
+    twice *= once
     within, diagonal = (count, size, count, size), np.arange(count)
-    once.reshape(within)[diagonal, :, diagonal] += duration[:, None, None] * rule.once
-    twice.reshape(within)[diagonal, :, diagonal] += duration[:, None, None] ** 2 * rule.twice
-    once_to_end = (diagonal[:, None] >= owner) * weight
-    twice_to_end = once_to_end * (end[:, None] - time)
-    return Integrals(time, end, once, twice, once_to_end, twice_to_end)
+    once.reshape(within)[diagonal, :, diagonal] = duration[:, None, None] * rule.once
+    twice.reshape(within)[diagonal, :, diagonal] = duration[:, None, None] ** 2 * rule.twice
+    once_to_end = until * weight
+    return Integrals(time, end, once, twice, once_to_end, once_to_end * (end[:, None] - time))
+
+
+@lru_cache(maxsize=64)
+def _masks(count: int, size: int) -> tuple[FloatArray, FloatArray]:
+    """Ones for nodes of earlier stretches than a node's, and of those up to a stretch's end."""
+    earlier = np.tri(count, count, -1)
+    before = np.repeat(np.repeat(earlier, size, axis=0), size, axis=1)
+    return before, np.repeat(np.tri(count), size, axis=1)
 
 
 def rule_for(extent: float, alone: bool) -> Rule:

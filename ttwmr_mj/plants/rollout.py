@@ -312,7 +312,9 @@ class _Swing:
         elastic = bool(self._stiffness or self._damping)
         against, both = np.zeros(()), integral.twice
         if elastic:
-            back = self._stiffness * integral.twice + self._damping * integral.once
+            back = self._damping * integral.once
+            if self._stiffness:
+                back += self._stiffness * integral.twice
             both = np.concatenate([integral.twice, back])
             against = self._stiffness * (coast + lead) + self._damping * (rate - turned)
         phi, hold = coast, against

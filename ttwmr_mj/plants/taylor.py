@@ -104,8 +104,8 @@ class Series(NamedTuple):
             if self.stiffness is not None:
                 push -= self.stiffness * (turn[k] / k if k else angle)
             push = np.divide(push, k + 1, out=turn[k + 2])
-            # looking costs as much as half a term: at every other one
-            if k % 2 and k > 2 and push.max() < NEGLIGIBLE_RAD and push.min() > -NEGLIGIBLE_RAD:
+            # two terms, as one may vanish by chance; looking costs half a term: at every other
+            if k % 2 and k > 2 and _largest(turn[k + 1 : k + 3]) < NEGLIGIBLE_RAD:
                 angle_gain, slope_gain = SUMS[:, : k + 2] @ turn[1 : k + 3]
                 return angle_gain, slope_gain - slope
         return None
@@ -125,6 +125,11 @@ class Series(NamedTuple):
         middle = whole.constant + first.linear + first.quadratic
         second = first._replace(linear=first.linear + 2.0 * first.quadratic)
         return whole._replace(ramp=first), whole._replace(constant=middle, ramp=second)
+
+
+def _largest(values: FloatArray) -> float:
+    """Of the absolute values, in the fewest operations."""
+    return float(max(values.max(), -values.min()))
 
 
 # k·S_k and −k·C_k are the sums
