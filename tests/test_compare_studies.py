@@ -9,19 +9,30 @@ import numpy as np
 import pytest
 from test_compare import TURN, open_loop, run_commands
 
-from ttwmr_mj.dynamics.extended import ExtendedParameters
+from ttwmr_mj.build import driven_robot
+from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.state import RobotState
+from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.attribution import QUANTITIES, attribute
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
-from ttwmr_mj.studies.compare.fit import SCALES, fit, replay_extended
-from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.fit import DIFFERENCES, MAX_STEP_S, SCALES, fit
+from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.shooting import Shooting
 from ttwmr_mj.studies.compare.variant import changed
+from ttwmr_mj.trajectory import Trajectory
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
+
+
+def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, Any]) -> Trajectory:
+    """Commands (n, 2) on the extended plant; each parameter a number or one per simulation."""
+    count = max(int(np.size(value)) for value in values.values())
+    model = ExtendedModel(driven_robot(scenario), values)
+    step = scenario.plant.contact.timestep_s
+    return replay(scenario, commands, ExtendedPlant(model, count, step, MAX_STEP_S))
 
 
 def everything() -> Scenario:
@@ -122,6 +133,42 @@ def test_a_batch_of_extended_models_is_its_members() -> None:
     for i, slip in enumerate(slips):
         alone = replay_extended(scenario, commands, {**values, "slip_time_s": float(slip)})
         np.testing.assert_array_equal(batch.q[:, i], alone.q[:, 0])
+
+
+@pytest.mark.parametrize("moving", [False, True], ids=["from_rest", "in_motion"])
+@pytest.mark.parametrize("friction_n_m", [0.0, 5e-5], ids=["smooth", "dry"])
+def test_shooting_is_the_plant_and_its_differences(moving: bool, friction_n_m: float) -> None:
+    circle = {"kind": "circle", "radius_m": 0.5, "angular_rate_rad_s": 0.2, "theta2": "outward"}
+    start = {"initial": {"kind": "on_reference"}, "reference": circle} if moving else {}
+    scenario = open_loop(*BRISK, **start)
+    run = run_contact(scenario)
+    values = ExtendedParameters.expected(scenario.robot).model_dump()
+    values |= {"slip_time_s": 7e-4, "hitch_coulomb_friction_n_m": friction_n_m}
+    nominal = np.array([values[name] for name in SCALES])
+    q, slope = Shooting(run, DIFFERENCES, MAX_STEP_S).run(nominal)
+    moved = np.vstack([nominal, nominal + np.diag(list(DIFFERENCES.values()))])
+    rows = replay_extended(scenario, run.commands, dict(zip(SCALES, moved.T, strict=True))).q
+    np.testing.assert_allclose(q, rows[:, 0], rtol=0, atol=1e-12)
+    expected = np.moveaxis(rows[:, 1:] - rows[:, :1], 1, -1)
+    # the differences are of second order in their size; a stop of dry friction is a kink
+    size = np.abs(expected).max(axis=0)
+    assert (
+        np.abs(slope - expected).max(axis=0) < (0.02 if friction_n_m else 2e-3) * size + 1e-12
+    ).all()
+
+
+def test_shooting_marches_where_newton_does_not_close_the_gaps(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    run = run_contact(open_loop(*BRISK))
+    values = np.array(
+        [getattr(ExtendedParameters.expected(run.robot), name) for name in SCALES], np.float64
+    )
+    q, slope = Shooting(run, DIFFERENCES, MAX_STEP_S).run(values)
+    monkeypatch.setattr("ttwmr_mj.studies.compare.shooting.MAX_ROUNDS", 0)
+    marched, same_slope = Shooting(run, DIFFERENCES, MAX_STEP_S).run(values)
+    np.testing.assert_allclose(q, marched, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(slope, same_slope, rtol=0, atol=1e-12)
 
 
 def test_dry_friction_locks_the_extended_hitch() -> None:

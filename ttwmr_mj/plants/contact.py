@@ -13,12 +13,15 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.angles import unwrap_near
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import CONTACTS, WHEELS, build_model
+from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
 from ttwmr_mj.plants.servo import ramp
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState
 
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
+# How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
+# order of summation leaves; a mirrored robot must stand in exactly the same way.
+SETTLED_DECIMALS = 15
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +70,10 @@ class ContactPlant:
         self._hitch_qpos = int(self.model.joint("hitch").qposadr[0])
         self._hitch_qvel = int(self.model.joint("hitch").dofadr[0])
         self._wheel_qvel = [int(self.model.joint(name).dofadr[0]) for name in WHEELS]
+        self._ball_qvel = [int(self.model.joint(name).dofadr[0]) for name in CASTERS]
+        self._balls = [int(self.model.body(name).id) for name in CASTERS]
+        self._body_position = self._batch.bind("xpos")
+        self._body_axes = self._batch.bind("xmat")
         self._contact_columns = _contact_columns(self.model)
         self._settled_qpos = self._settle()
         self._theta1: FloatArray = np.zeros(nsim)
@@ -77,10 +84,17 @@ class ContactPlant:
         self._passed: list[tuple[FloatArray, FloatArray]] = []
 
     def _settle(self) -> FloatArray:
-        """(nq,) generalized positions of the robot standing still in its contacts at the origin."""
+        """(nq,) generalized positions of the robot standing still in its contacts at the origin.
+
+        It sinks and tilts about its y axis; nothing else may differ from the keyframe.
+        """
         self._batch.reset(keyframe=0)
+        standing = np.array(self._qpos[0])
         self._batch.step(ids=[0], nstep=round(SETTLE_S / self.time_step_s))
-        return np.array(self._qpos[0])
+        height, tilt = self._free_qpos + 2, self._free_qpos + 5
+        standing[[height, tilt]] = np.round(self._qpos[0, [height, tilt]], SETTLED_DECIMALS)
+        standing[self._free_qpos + 3] = np.sqrt(1.0 - standing[tilt] ** 2)
+        return standing
 
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
@@ -104,6 +118,21 @@ class ContactPlant:
         self._qvel[:, self._wheel_qvel] = self._setpoint
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
         self._passed.clear()
+        self._batch.forward()
+        self._roll_balls()
+
+    def _roll_balls(self) -> None:
+        """Spin the casters' balls so that they roll: their points of contact are at rest."""
+        contacts = read_contacts(self.contact_readings())
+        slip = contacts.slip_m_s[:, len(WHEELS) :]  # without spin, the velocity of the centre
+        if not slip.any():
+            return
+        lever = self._body_position[:, self._balls] - contacts.position_m[:, len(WHEELS) :]
+        spin = np.cross(lever, slip) / (lever**2).sum(axis=-1, keepdims=True)
+        axes = self._body_axes[:, self._balls].reshape(*spin.shape, 3)
+        local = np.einsum("...ji,...j->...i", axes, spin)  # MuJoCo wants it in the ball's axes
+        for ball, start in enumerate(self._ball_qvel):
+            self._qvel[:, start : start + 3] += local[:, ball]
         self._batch.forward()
 
     def _rolling_speed(self, initial: RobotState) -> FloatArray:

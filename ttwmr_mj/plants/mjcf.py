@@ -108,7 +108,10 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
         if tractor.wheel_shape == "cylinder":
             geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
             geom.size = [radius, half_width, 0.0]
-            geom.quat = [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0]
+            # both axes point outward: MuJoCo sorts a cylinder's contacts by its axis, and left
+            # shall mirror right
+            outward = -np.sign(spec.body(name).pos[1])
+            geom.quat = [np.sqrt(0.5), outward * np.sqrt(0.5), 0.0, 0.0]
         else:
             geom.size = [radius, half_width, radius]
         side = name.removeprefix("wheel_")

@@ -25,31 +25,39 @@ class Rule:
 class Integrals(NamedTuple):
     """Integrals from the start of a window over its stretches' n nodes, as matrices."""
 
-    time: FloatArray  # (n, 1) of the nodes
-    end: FloatArray  # (stretch, 1) times of the stretches' ends
+    time: FloatArray  # (n,) of the nodes
+    end: FloatArray  # (stretch,) times of the stretches' ends
     once: FloatArray  # (n, n) from the start to every node
     twice: FloatArray  # (n, n) the integral's integral
     once_to_end: FloatArray  # (stretch, n) from the start to every stretch's end
     twice_to_end: FloatArray  # (stretch, n)
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=8)
 def integrals(rule: Rule, durations: tuple[float, ...]) -> Integrals:
     """The integrals over stretches of these durations."""
     duration = np.array(durations)
     count, size = duration.size, len(rule.nodes)
     end = np.cumsum(duration)
-    owner = np.repeat(np.arange(count), size)
-    time = (end - duration)[owner] + np.tile(rule.nodes, count) * duration[owner]
-    weight = np.tile(rule.weights, count) * duration[owner]
-    earlier = (owner[:, None] > owner) * weight
-    once, twice = earlier, earlier * (time[:, None] - time)
+    time = ((end - duration)[:, None] + np.outer(duration, rule.nodes)).ravel()
+    weight = np.outer(duration, rule.weights).ravel()
+    before, until = _masks(count, size)
+    once = before * weight
+    twice = time[:, None] - time
+    twice *= once
     within, diagonal = (count, size, count, size), np.arange(count)
-    once.reshape(within)[diagonal, :, diagonal] += duration[:, None, None] * rule.once
-    twice.reshape(within)[diagonal, :, diagonal] += duration[:, None, None] ** 2 * rule.twice
-    once_to_end = (diagonal[:, None] >= owner) * weight
-    twice_to_end = once_to_end * (end[:, None] - time)
-    return Integrals(time[:, None], end[:, None], once, twice, once_to_end, twice_to_end)
+    once.reshape(within)[diagonal, :, diagonal] = duration[:, None, None] * rule.once
+    twice.reshape(within)[diagonal, :, diagonal] = duration[:, None, None] ** 2 * rule.twice
+    once_to_end = until * weight
+    return Integrals(time, end, once, twice, once_to_end, once_to_end * (end[:, None] - time))
+
+
+@lru_cache(maxsize=64)
+def _masks(count: int, size: int) -> tuple[FloatArray, FloatArray]:
+    """Ones for nodes of earlier stretches than a node's, and of those up to a stretch's end."""
+    earlier = np.tri(count, count, -1)
+    before = np.repeat(np.repeat(earlier, size, axis=0), size, axis=1)
+    return before, np.repeat(np.tri(count), size, axis=1)
 
 
 def rule_for(extent: float, alone: bool) -> Rule:
@@ -57,7 +65,7 @@ def rule_for(extent: float, alone: bool) -> Rule:
     for count, longest in ((2, 0.02), (3, 0.12), (4, 0.35)):
         if extent < longest:
             return _gauss(count, longest)
-    return _gauss(16, 2.0) if alone else _gauss(8, 1.0)
+    return _gauss(16, 2.0) if alone else _gauss(5, 0.5)
 
 
 @cache

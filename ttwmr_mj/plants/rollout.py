@@ -25,11 +25,13 @@ from ttwmr_mj.dynamics.kinematics import twist_from_wheels, workspace_rate
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.quadrature import Rule, integrals, rule_for
 from ttwmr_mj.plants.servo import limit_speed
+from ttwmr_mj.plants.taylor import TOO_VIOLENT, Ramp, Room, Series
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.state import FloatArray, RobotState
 
 TOLERANCE_RAD = 2e-10  # change of φ at which the iteration ends; what is left is much less
 MAX_ITERATIONS = 60
+SMALL_RAD = 0.25  # below it a series of five terms is exact to 3e-13
 # Lengths in units of the swing's time scale. One simulation pays per call into numpy and takes long
 # windows of many nodes; a batch pays per number and takes short ones, which need fewer iterations.
 LONGEST_WINDOW = 8.0
@@ -193,11 +195,34 @@ def _roll(
     turn = duration * (motion.u2 + 0.5 * motion.u2_rate * duration)
     theta1 = _running(start.theta1, turn)
     time = rule.nodes[:, None] * duration[:, None]
-    heading = theta1[:-1, None] + time * (motion.u2[:, None] + 0.5 * motion.u2_rate[:, None] * time)
+    turned = time * (motion.u2[:, None] + 0.5 * motion.u2_rate[:, None] * time)
+    turned -= 0.5 * turn[:, None]
     travel = duration[:, None] * (motion.u1[:, None] + motion.u1_rate[:, None] * time)
-    x = _running(start.x, rule.weights @ (travel * np.cos(heading)))
-    y = _running(start.y, rule.weights @ (travel * np.sin(heading)))
+    cos, sin = _cos_sin(turned)
+    ahead, aside = rule.weights @ (travel * cos), rule.weights @ (travel * sin)
+    middle = theta1[:-1] + 0.5 * turn
+    cos, sin = np.cos(middle), np.sin(middle)
+    x = _running(start.x, cos * ahead - sin * aside)
+    y = _running(start.y, sin * ahead + cos * aside)
     return x, y, theta1
+
+
+def _cos_sin(angle: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Cosine and sine; of small angles by their series, which takes a third of the time."""
+    if not np.abs(angle).max(initial=0.0) < SMALL_RAD:
+        return np.cos(angle), np.sin(angle)
+    square = angle * angle
+    waves = []
+    for first in (1, 2):  # 1 − a²/2!·(1 − …) and a·(1 − a²/3!·(1 − …))
+        series = square * (-1.0 / ((first + 7) * (first + 6)))
+        for term in (first + 5, first + 3, first + 1):
+            series += 1.0
+            series *= square
+            series *= -1.0 / (term * (term - 1))
+        series += 1.0
+        waves.append(series)
+    waves[1] *= angle
+    return waves[0], waves[1]
 
 
 class _Swing:
@@ -225,20 +250,38 @@ class _Swing:
         count, nsim = motion.u1.shape
         angles, rates = np.empty((count + 1, nsim)), np.empty((count + 1, nsim))
         angles[0], rates[0] = angle, rate
-        extent = self.extent(motion)
-        for first, last in self._windows(extent, rule, nsim):
-            # in a batch, short stretches make do with few nodes
-            fit = rule if nsim == 1 else rule_for(float(extent[first]), alone=False)
+        if nsim > 1:
+            room = Room.of(nsim)
+            for k, series in enumerate(self._series(motion)):
+                angles[k + 1], rates[k + 1] = series.end(angles[k], rates[k], room)
+            return angles, rates
+        for first, last in self._windows(self.extent(motion), rule):
             part = _Stretches(*(column[first:last] for column in motion))
             ends = slice(first + 1, last + 1)
-            angles[ends], rates[ends] = self._window(part, fit, angles[first], rates[first])
+            angles[ends], rates[ends] = self._window(part, rule, angles[first], rates[first])
         return angles, rates
 
+    def _series(self, motion: _Stretches) -> Iterator[Series]:
+        """The equation of every stretch with its duration as the unit of time."""
+        time = motion.duration_s
+        u1, u2 = motion.u1 * (time / self._length_m), motion.u2 * time
+        u1_rate = motion.u1_rate * (time**2 / self._length_m)
+        u2_rate = motion.u2_rate * time**2
+        ramps = Ramp(u1 * u2_rate + u1_rate * u2, u1_rate * u2_rate, -u1_rate, u2_rate)
+        moving = np.logical_or(u1_rate.any(axis=1), u2_rate.any(axis=1))
+        constant, stiffness, damping = u1 * u2, self._stiffness * time**2, self._damping * time
+        for k, ramp in enumerate(moving.tolist()):
+            yield Series(
+                time[k],
+                constant[k],
+                Ramp(*(part[k] for part in ramps)) if ramp else None,
+                stiffness[k] if self._stiffness else None,
+                damping[k] if self._damping else None,
+            )
+
     @staticmethod
-    def _windows(extent: FloatArray, rule: Rule, nsim: int) -> Iterator[tuple[int, int]]:
-        """First and last stretch of every window: one stretch each in a batch."""
-        if nsim > 1:
-            return itertools.pairwise(range(len(extent) + 1))
+    def _windows(extent: FloatArray, rule: Rule) -> Iterator[tuple[int, int]]:
+        """First and last stretch of every window."""
         most = WINDOW_NODES // len(rule.nodes)
         edges, length = [0], 0.0
         for i, size in enumerate(extent.tolist()):
@@ -251,16 +294,11 @@ class _Swing:
     def _window(
         self, motion: _Stretches, rule: Rule, angle: FloatArray, rate: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Picard's iteration; φ and φ̇ (stretch, nsim) at the ends of the window's stretches."""
-        nsim = angle.size
-        if nsim > 1:  # one stretch, its duration another in every simulation
-            scale, integral = motion.duration_s, integrals(rule, (1.0,))
-        else:
-            scale = np.ones((1, 1))
-            integral = integrals(rule, tuple(motion.duration_s[:, 0].tolist()))
-        time, end = integral.time * scale, integral.end * scale
-        own = (rule.nodes[:, None] * motion.duration_s[:, None]).reshape(-1, nsim)
-        u1, u2, u1_rate, u2_rate = (np.repeat(part, len(rule.nodes), 0) for part in motion[1:])
+        """Picard's iteration for one simulation; φ and φ̇ (stretch, 1) at the stretches' ends."""
+        count = len(rule.nodes)
+        integral = integrals(rule, tuple(motion.duration_s[:, 0].tolist()))
+        own = np.outer(motion.duration_s, rule.nodes).ravel()
+        u1, u2, u1_rate, u2_rate = (part[:, 0].repeat(count) for part in motion[1:])
         u2 = u2 + own * u2_rate
         across = (u1 + own * u1_rate) * u2 / self._length_m
         along = u1_rate / -self._length_m
@@ -268,29 +306,34 @@ class _Swing:
         if along.any():  # across·cos φ + along·sin φ = size·cos(φ − lead)
             size, lead = np.sqrt(across**2 + along**2), np.arctan2(along, across)
         # φ and φ̇ under −u̇2 alone; Gauss integrates what is linear in time exactly
-        coast_rate = rate - (u2 - motion.u2[0])
-        coast = angle + rate * time - scale * (integral.once @ (u2 - motion.u2[0]))
-        coast -= lead
+        turned = u2 - motion.u2[0]
+        coast = angle + rate * integral.time - integral.once @ turned - lead
+        # what spring and damper do against a force, and to that motion; both are linear
         elastic = bool(self._stiffness or self._damping)
-        phi, phi_rate, force = coast, coast_rate, coast
+        against, both = np.zeros(()), integral.twice
+        if elastic:
+            back = self._damping * integral.once
+            if self._stiffness:
+                back += self._stiffness * integral.twice
+            both = np.concatenate([integral.twice, back])
+            against = self._stiffness * (coast + lead) + self._damping * (rate - turned)
+        phi, hold = coast, against
         for _ in range(MAX_ITERATIONS):
-            force = size * np.cos(phi)
+            force = size * np.cos(phi) - hold
+            response = both @ force
+            before, phi = phi, coast + response[: coast.size]
             if elastic:
-                force -= self._stiffness * (phi + lead) + self._damping * phi_rate
-                phi_rate = coast_rate + scale * (integral.once @ force)
-            before, phi = phi, coast + scale**2 * (integral.twice @ force)
+                hold = against + response[coast.size :]
             if np.abs(phi - before).max() < TOLERANCE_RAD:
                 break
         else:
-            raise InputError(
-                "the trailer's swing did not converge: the wheel speeds or the hitch's spring and "
-                "damper are too violent for a rollout; use the analytic plant"
-            )
+            raise InputError(TOO_VIOLENT)
         force -= u2_rate
-        return (
-            angle + rate * end + scale**2 * (integral.twice_to_end @ force),
-            rate + scale * (integral.once_to_end @ force),
+        ends = (
+            angle + rate * integral.end + integral.twice_to_end @ force,
+            rate + integral.once_to_end @ force,
         )
+        return ends[0][:, None], ends[1][:, None]
 
 
 def _running(start: FloatArray, parts: FloatArray) -> FloatArray:

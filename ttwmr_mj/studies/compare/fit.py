@@ -6,27 +6,26 @@ and the balls' inertia act through their ratio alone), a faint pull towards what
 numbers lead to expect decides.
 
 `scipy.optimize.least_squares` does it; `mujoco.sysid` fits parameters of an MjSpec by rollouts of
-MuJoCo, and here the model is not MuJoCo's. All columns of a Jacobian are one batch of simulations.
+MuJoCo, and here the model is not MuJoCo's. `shooting` gives the run and its derivatives.
 """
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import tomli_w
 from scipy.optimize import least_squares
 
-from ttwmr_mj.build import driven_robot
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.errors import RunError
-from ttwmr_mj.plants.extended import ExtendedPlant
-from ttwmr_mj.scenario import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
-from ttwmr_mj.studies.compare.motion import ContactRun, replay, replay_analytic
+from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
+from ttwmr_mj.studies.compare.shooting import Shooting
 from ttwmr_mj.trajectory import Trajectory
 
 # What a parameter is searched in: the size of a typical correction.
@@ -42,6 +41,7 @@ SCALES = {
 }
 NEVER_NEGATIVE = frozenset(SCALES) - {"wheel_radius_m", "track_width_m"}
 DIFFERENCE = 0.1  # of a scale
+DIFFERENCES = {name: DIFFERENCE * size for name, size in SCALES.items()}
 EXPECTED_WITHIN = 1e4  # scales: faint
 CONFIDENCE_95 = 1.96
 MAX_STEP_S = 0.033  # Runge-Kutta's; the swing takes seconds
@@ -149,24 +149,27 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
     low = np.where([name in NEVER_NEGATIVE for name in SCALES], -start / scale, -np.inf)
     pull = np.eye(len(start)) / EXPECTED_WITHIN
     evaluations = 0
+    shooting = Shooting(run, DIFFERENCES, MAX_STEP_S)
 
-    def residuals(steps: FloatArray) -> FloatArray:
-        """(nsim, n·4) weighted deviations for (nsim, parameters) in scales from the nominal."""
-        values = start + scale * steps
-        rows = replay_extended(run.scenario, run.commands, dict(zip(SCALES, values.T, strict=True)))
-        missed = weight * (run.trajectory.q[:, :1] - rows.q)
-        return np.asarray(np.moveaxis(missed, 1, 0).reshape(len(steps), -1))
-
-    def residual(step: FloatArray) -> FloatArray:
-        return np.asarray(np.concatenate([residuals(step[None])[0], pull @ step]))
-
-    def jacobian(step: FloatArray) -> FloatArray:
+    @functools.lru_cache(maxsize=2)
+    def shoot(steps: bytes) -> tuple[FloatArray, FloatArray]:
+        """Residual and Jacobian at steps of scales from the nominal; asked for one by one."""
         nonlocal evaluations
         evaluations += 1
         if progress is not None:
-            progress(1.0 - 0.8**evaluations)
-        moved = residuals(np.vstack([step, step + DIFFERENCE * np.eye(len(step))]))
-        return np.asarray(np.vstack([(moved[1:] - moved[0]).T / DIFFERENCE, pull]))
+            progress(1.0 - 0.9**evaluations)
+        step = np.frombuffer(steps)
+        q, slope = shooting.run(start + scale * step)
+        missed = weight * (run.trajectory.q[:, 0] - q)
+        change = -weight[:, None] * slope / DIFFERENCE
+        rows = change.reshape(-1, len(step))
+        return np.concatenate([missed.ravel(), pull @ step]), np.vstack([rows, pull])
+
+    def residual(step: FloatArray) -> FloatArray:
+        return shoot(step.tobytes())[0]
+
+    def jacobian(step: FloatArray) -> FloatArray:
+        return shoot(step.tobytes())[1]
 
     first = np.maximum(0.0, low + 0.1)  # inside, where the search can turn
     found = least_squares(
@@ -188,16 +191,7 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
             expected=float(start[i]),
             identified=half < abs(float(value[i])),
         )
-    values = {name: e.value for name, e in parameters.items()}
-    return Fit(parameters, _gain(run, values), _gain(unseen, values))
-
-
-def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, Any]) -> Trajectory:
-    """Commands (n, 2) on the extended model; each parameter a number or one per simulation."""
-    count = max(int(np.size(value)) for value in values.values())
-    model = ExtendedModel(driven_robot(scenario), values)
-    plant = ExtendedPlant(model, count, scenario.plant.contact.timestep_s, MAX_STEP_S)
-    return replay(scenario, commands, plant)
+    return Fit(parameters, _gain(run, value), _gain(unseen, value))
 
 
 def _standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -219,9 +213,11 @@ def _standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArra
     return np.asarray(np.sqrt(variance * power / freedom))
 
 
-def _gain(run: ContactRun, values: dict[str, float]) -> Gain:
+def _gain(run: ContactRun, value: FloatArray) -> Gain:
+    """What parameters in the order of `SCALES` improve."""
     plain = replay_analytic(run.scenario, run.commands)
-    fitted = replay_extended(run.scenario, run.commands, values)
+    q = Shooting(run, DIFFERENCES, MAX_STEP_S).run(value)[0]
+    fitted = replace(run.trajectory, q=q[:, None])
     return Gain(run.scenario.name, _deviations(run, plain), _deviations(run, fitted))
 
 
