@@ -270,6 +270,13 @@ class Control(Config):
     """The sampled loop."""
 
     sampling_time_s: float = Field(default=0.033, gt=0, le=10, description="33 ms in Section 4")
+    controller_time_limit_s: float = Field(
+        default=2.0,
+        gt=0,
+        le=3600,
+        description="wall time after which a sample's command counts as never coming and the run "
+        "ends as failed; far above what a busy machine costs, so that it changes no result",
+    )
 
 
 class Output(Config):
