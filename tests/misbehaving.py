@@ -101,8 +101,17 @@ class Stuck(Controller):
     """Never gets over its start."""
 
     def start(self, task: Task) -> None:
-        while True:
-            pass
+        time.sleep(3600.0)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         raise AssertionError
+
+
+class Away(Controller):
+    """Drives straight ahead, wherever it should go."""
+
+    def start(self, task: Task) -> None:
+        self._nsim = task.nsim
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        return self.plain(np.full((self._nsim, 2), 30.0))
