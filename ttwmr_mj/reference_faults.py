@@ -81,7 +81,7 @@ def _for_flatness(scenario: Scenario, path: ReferencePath) -> Fault | None:
         return Fault(
             keys,
             f"got {kind!r}; {law} needs a reference of the trailer's centre of oscillation, as "
-            "'flat_circle' or 'flat_ellipse'",
+            "'flat_circle', 'flat_ellipse' or 'flat_arc'",
         )
     direction, _ = trailer_axes(path.theta2_rad)
     along = np.abs(dot(path.flat_derivatives[:, :, 2], direction)).min(axis=1)

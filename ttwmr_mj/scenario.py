@@ -13,7 +13,12 @@ from pydantic import Field, field_validator
 from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
 from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.references.options import FlatCircleReference, FlatEllipseReference, PlannedReference
+from ttwmr_mj.references.options import (
+    FlatArcReference,
+    FlatCircleReference,
+    FlatEllipseReference,
+    PlannedReference,
+)
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.vision.options import CameraSensing
 
@@ -91,6 +96,7 @@ Reference = Annotated[
     | StraightLineReference
     | WaypointsReference
     | FlatCircleReference
+    | FlatArcReference
     | FlatEllipseReference
     | PlannedReference
     | NoReference,
