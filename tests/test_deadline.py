@@ -65,6 +65,14 @@ def test_a_sleeping_controller_is_woken() -> None:
     assert time.perf_counter() - began < 30  # it would sleep for a minute
 
 
+def test_waiting_for_a_busy_machine_is_no_overrun() -> None:
+    deadline = Deadline(0.05)
+    deadline.arm()
+    with deadline:  # as if another process had the processor
+        time.sleep(0.2)
+    deadline.disarm()
+
+
 def test_what_raises_at_its_start_has_failed_there() -> None:
     result = experiment("Stillborn").run()
     (outcome,) = result.outcomes

@@ -1,14 +1,19 @@
-"""A limit on the wall time of code that may never return, such as a controller of the user's."""
+"""A limit on the time of code that may never return, such as a controller of the user's.
+
+The limit is on CPU time, so that the same code passes it or not however busy the machine is; wall
+time counts too, for what waits and never computes, but only many times that long.
+"""
 
 from __future__ import annotations
 
 import signal
 import threading
-from time import perf_counter
+from time import perf_counter, thread_time
 from types import FrameType, TracebackType
 from typing import Any, Self
 
-AGAIN_S = 0.1  # the timer rings again and again: a bare `except` may have swallowed the first
+AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
+PATIENCE = 15.0  # limits of wall time; on a machine with eight jobs a core two were not enough
 
 
 class Overrun(BaseException):
@@ -16,14 +21,14 @@ class Overrun(BaseException):
 
 
 class Deadline:
-    """A context manager, entered once per call, whose body may take `limit_s` of wall time.
+    """A context manager, entered once per call, whose body may take `limit_s` of CPU time.
 
     Between `arm` and `disarm`, in the main thread of a system with interval timers, a signal breaks
     the body off wherever its Python code is, an endless loop included. Elsewhere the time is looked
     at when the body returns, and compiled code is not broken off until it returns to Python.
 
     Args:
-        limit_s: allowed wall time of one body.
+        limit_s: allowed CPU time of one body, in its thread; and PATIENCE times as much wall time.
     """
 
     def __init__(self, limit_s: float) -> None:
@@ -31,7 +36,7 @@ class Deadline:
         self._timed = False
         self._before: Any = None
         self._running = False
-        self._began_s = 0.0
+        self._began_s = self._began_cpu_s = 0.0
 
     def arm(self) -> None:
         """Take the alarm signal, until `disarm`."""
@@ -48,7 +53,7 @@ class Deadline:
             self._timed = False
 
     def __enter__(self) -> Self:
-        self._began_s = perf_counter()
+        self._began_s, self._began_cpu_s = perf_counter(), thread_time()
         self._running = True
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, self.limit_s, AGAIN_S)
@@ -63,10 +68,16 @@ class Deadline:
         self._running = False  # before the timer is stopped, which may have rung already
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        if kind is None and perf_counter() - self._began_s > self.limit_s:
+        if kind is None and self._is_over():
             raise Overrun
 
     def _ring(self, signum: int, frame: FrameType | None) -> None:
         del signum, frame
-        if self._running:
+        if self._running and self._is_over():
             raise Overrun
+
+    def _is_over(self) -> bool:
+        took_s = perf_counter() - self._began_s
+        if took_s <= self.limit_s:
+            return False
+        return took_s > PATIENCE * self.limit_s or thread_time() - self._began_cpu_s > self.limit_s

@@ -280,8 +280,8 @@ class Control(Config):
         default=2.0,
         gt=0,
         le=3600,
-        description="wall time after which a sample's command counts as never coming and the run "
-        "ends as failed; far above what a busy machine costs, so that it changes no result",
+        description="CPU time after which the command of a sample counts as never coming and the "
+        "run ends as failed; 15 times as much wall time, for a controller that waits",
     )
 
 

@@ -31,7 +31,7 @@ RULES = (
 )
 OVERVIEW = (
     "Trailer rms, mm, median over seeds: the best of each row in bold, “lost” and “failed” as in "
-    "the rules, empty what is not in the suite. Best controllers first, by their mean place."
+    "the rules, empty what is not in the suite. Controllers with fewer failures first."
 )
 
 
@@ -69,14 +69,20 @@ def _sections(lines: list[Line]) -> dict[str, list[Line]]:
 
 
 def _cells(line: Line) -> list[str]:
-    numbers = ["–" if value is None else f"{value:.3g}" for value in line.values.values()]
+    numbers = map(_number, line.values.values())
     return [line.names["controller"], *numbers, f"{line.failures}/{line.runs}"]
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return "–"
+    return "<0.001" if 0.0 < value < 1e-3 else f"{value:.3g}"
 
 
 def overview(lines: list[Line]) -> dict[str, list[list[str]]]:
     """Task → table of conditions by controllers, its head first."""
     controllers = list(dict.fromkeys(line.names["controller"] for line in lines))
-    controllers.sort(key=lambda name: _mean_rank(name, lines))
+    controllers.sort(key=lambda name: _standing(name, lines))
     tables: dict[str, list[list[str]]] = {}
     for members in _sections(lines).values():
         task, by_name = (
@@ -89,15 +95,16 @@ def overview(lines: list[Line]) -> dict[str, list[list[str]]]:
     return tables
 
 
-def _mean_rank(controller: str, lines: list[Line]) -> float:
-    """Mean place of a controller in its sections, from 0."""
+def _standing(controller: str, lines: list[Line]) -> tuple[float, float]:
+    """Share of a controller's runs that failed, then its mean place in its sections, from 0."""
     places = [
-        place
+        (place, line)
         for members in _sections(lines).values()
         for place, line in enumerate(members)
         if line.names["controller"] == controller
     ]
-    return sum(places) / len(places)
+    failed = sum(line.failures for _, line in places) / sum(line.runs for _, line in places)
+    return failed, sum(place for place, _ in places) / len(places)
 
 
 def _summary(line: Line | None, members: list[Line]) -> str:
@@ -107,7 +114,7 @@ def _summary(line: Line | None, members: list[Line]) -> str:
     value = line.values[RANKED_BY]
     if line.failures == line.runs or value is None:
         return "lost" if line.lost else "failed"
-    number = f"{value:.3g}"
+    number = _number(value)
     if line.failures:
         return f"{number} ({line.failures} of {line.runs} failed)"
     return f"**{number}**" if line is members[0] else number
