@@ -20,14 +20,15 @@ from ttwmr_mj.trajectory import write_parquet
 
 HEAD = ["controller", *COLUMNS, "failures"]
 RULES = (
-    "Errors are rms over the second half of each run; medians over seeds, “worst” is the worst "
-    "seed. “trailer” is its centre of mass, “settled” the time from which P stays within 10 mm, "
-    "“effort” ∫(ω_r² + ω_l²)dt. A run fails if it breaks off, or is lost: it comes to its end with "
-    f"a steady rms error of the trailer's centre of oscillation beyond {LOST_CENTRE_M:g} m, or of "
-    f"P beyond {LOST_P_M:g} m where the reference has no trailer. Failures = broken off + lost. "
-    "Medians are over the runs that came to their end, lost ones too; what never settles is “–”. "
-    "Ranked by failures, then by the trailer's error. The control time is wall time per sample on "
-    "the machine as it was, busy with several runs at once."
+    "Errors are rms over the second half of a run; over seeds the median, “worst” the worst.",
+    "“trailer” is its centre of mass; “settled” the time from which P stays within 10 mm, “–” if "
+    "it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
+    "A run has failed if it broke off, or is lost: it came to its end with a steady rms error of "
+    f"the trailer's centre of oscillation beyond {LOST_CENTRE_M:g} m, or of P beyond "
+    f"{LOST_P_M:g} m where the reference has no trailer. Failures count both.",
+    "Numbers are over the runs that came to their end, lost ones too.",
+    "Ranked by failures, then by the trailer's error.",
+    "Control time is wall time per sample on the machine as it was, several runs at once.",
 )
 OVERVIEW = (
     "Trailer rms, mm, median over seeds: the best of each row in bold, “lost” and “failed” as in "
@@ -36,11 +37,12 @@ OVERVIEW = (
 
 
 def write_leaderboard(board: Board, folder: Path, title: str) -> None:
-    """leaderboard.md, .html and .parquet."""
+    """leaderboard.md, .html and .parquet, and summary.md, its head alone."""
     import pyarrow as pa
 
     lines = board.lines
     write_text(folder / "leaderboard.md", to_markdown(board, title))
+    write_text(folder / "summary.md", to_summary(board, title))
     write_text(folder / "leaderboard.html", to_html(board, title))
     columns: dict[str, list[Any]] = {axis: [line.names[axis] for line in lines] for axis in AXES}
     columns |= {name: [line.values[name] for line in lines] for name in COLUMNS}
@@ -143,7 +145,8 @@ def to_markdown(board: Board, title: str) -> str:
 
 def to_summary(board: Board, title: str) -> str:
     """Rules and overview alone."""
-    parts = [f"# {title}\n", f"{status(board)}\n", f"{RULES}\n", f"{OVERVIEW}\n"]
+    rules = "\n".join(f"- {rule}" for rule in RULES)
+    parts = [f"# {title}\n", f"{status(board)}\n", f"{rules}\n", f"{OVERVIEW}\n"]
     parts += [f"**{task}**\n\n{_table(rows)}\n" for task, rows in overview(board.lines).items()]
     return "\n".join(parts)
 
@@ -153,10 +156,14 @@ def to_html(board: Board, title: str) -> str:
     import jinja2
 
     source = (Path(__file__).parent / "leaderboard.html.j2").read_text(encoding="utf-8")
-    template = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined)
+    template = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     return template.from_string(source).render(
         title=title,
-        notes=[status(board), RULES, OVERVIEW],
+        status=status(board),
+        rules=RULES,
+        caption=OVERVIEW,
         overview=overview(board.lines),
         head=HEAD,
         sections={
