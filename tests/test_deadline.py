@@ -95,6 +95,11 @@ def test_outside_the_main_thread_an_answer_is_judged_when_it_comes() -> None:
     assert "took longer than 0.2 s" in results[0].outcomes[0].reason
 
 
+def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:
+    with pytest.raises(Overrun), Deadline(0.01):  # never armed
+        time.sleep(0.2)
+
+
 def test_the_alarm_is_given_back() -> None:
     rung = []
     before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))

@@ -1,7 +1,8 @@
 """A limit on the time of code that may never return, such as a controller of the user's.
 
-The limit is on CPU time, so that the same code passes it or not however busy the machine is; wall
-time counts too, for what waits and never computes, but only many times that long.
+The limit is on CPU time, so that the same code keeps it or not however busy the machine is. What
+waits and never computes has many times as long, counted in rings of a timer, which merge into one
+while the process is stopped or gets no processor.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from types import FrameType, TracebackType
 from typing import Any, Self
 
 AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
-PATIENCE = 15.0  # limits of wall time; on a machine with eight jobs a core two were not enough
+PATIENCE = 15.0  # limits that may pass waiting
 
 
 class Overrun(BaseException):
@@ -28,7 +29,7 @@ class Deadline:
     at when the body returns, and compiled code is not broken off until it returns to Python.
 
     Args:
-        limit_s: allowed CPU time of one body, in its thread; and PATIENCE times as much wall time.
+        limit_s: allowed CPU time of one body, in its thread; and PATIENCE times as much waiting.
     """
 
     def __init__(self, limit_s: float) -> None:
@@ -36,6 +37,7 @@ class Deadline:
         self._timed = False
         self._before: Any = None
         self._running = False
+        self._rings = 0
         self._began_s = self._began_cpu_s = 0.0
 
     def arm(self) -> None:
@@ -54,7 +56,7 @@ class Deadline:
 
     def __enter__(self) -> Self:
         self._began_s, self._began_cpu_s = perf_counter(), thread_time()
-        self._running = True
+        self._running, self._rings = True, 0
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, self.limit_s, AGAIN_S)
         return self
@@ -68,16 +70,17 @@ class Deadline:
         self._running = False  # before the timer is stopped, which may have rung already
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
-        if kind is None and self._is_over():
+        waited = not self._timed and perf_counter() - self._began_s > PATIENCE * self.limit_s
+        if kind is None and (waited or self._computed_too_long()):
             raise Overrun
 
     def _ring(self, signum: int, frame: FrameType | None) -> None:
         del signum, frame
-        if self._running and self._is_over():
+        if not self._running:
+            return
+        self._rings += 1
+        if self._rings * AGAIN_S > PATIENCE * self.limit_s or self._computed_too_long():
             raise Overrun
 
-    def _is_over(self) -> bool:
-        took_s = perf_counter() - self._began_s
-        if took_s <= self.limit_s:
-            return False
-        return took_s > PATIENCE * self.limit_s or thread_time() - self._began_cpu_s > self.limit_s
+    def _computed_too_long(self) -> bool:
+        return thread_time() - self._began_cpu_s > self.limit_s
