@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import json
+import re
 import shlex
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -14,12 +17,13 @@ import pytest
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.studies.bench.suite import load_suite, rows_of
+from ttwmr_mj.studies.bench.scoring import _combined, lost_reason
+from ttwmr_mj.studies.bench.suite import check_rows, load_suite, rows_of
 
 SUITE = """
 name = "mine"
 seeds = [0, 1]
-timeout_s = 25.0
+timeout_s = 15.0
 
 [controller.lyapunov]
 overrides = ['controller={kind="lyapunov"}']
@@ -28,14 +32,35 @@ overrides = ['controller={kind="lyapunov"}']
 overrides = ['controller={kind="custom", target="misbehaving:Broken"}']
 
 [controller.endless]
-overrides = ['controller={kind="custom", target="misbehaving:Endless"}']
+overrides = [
+  'controller={kind="custom", target="misbehaving:Endless"}',
+  "control.controller_time_limit_s=0.5",
+]
+
+[controller.stuck]
+overrides = ['controller={kind="custom", target="misbehaving:Stuck"}']
+
+[controller.away]
+overrides = ['controller={kind="custom", target="misbehaving:Away"}']
 
 [task.circle]
 scenario = "mine.toml"
-overrides = ["duration_s=2.0", "sensing.position_noise_m=0.001"]
+overrides = [
+  "duration_s=2.0",
+  "sensing.position_noise_m=0.001",
+  "robot.servo.preset=fast",
+  'initial={kind="on_reference"}',
+]
 
 [plant.analytic]
 overrides = ["plant.kind=analytic"]
+
+[[block]]
+controller = ["lyapunov", "broken"]
+
+[[block]]
+controller = ["lyapunov", "endless", "stuck", "away"]
+seeds = [0]
 """
 
 
@@ -62,14 +87,23 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_failures_stay_alone_and_say_why(finished: Path) -> None:
     table = pq.read_table(finished / "out" / "leaderboard.parquet").to_pylist()
     lines = {line["controller"]: line for line in table}
+    # the one that works is ranked first; its first seed stands in both blocks and is one run
+    assert table[0]["controller"] == "lyapunov"
     assert (lines["lyapunov"]["failures"], lines["lyapunov"]["runs"]) == (0, 2)
     assert lines["lyapunov"]["P rms, mm"] > 0
     assert "ZeroDivisionError: of its own making" in lines["broken"]["reason"]
-    assert lines["broken"]["failures"] == 2
+    assert (lines["broken"]["failures"], lines["broken"]["lost"]) == (2, 0)
     assert lines["broken"]["P rms, mm"] is None
-    assert "no end within 25 s" in lines["endless"]["reason"]
-    # the one that works is ranked first
-    assert table[0]["controller"] == "lyapunov"
+    assert "took longer than 0.5 s for its sample at t = 0.099 s" in lines["endless"]["reason"]
+    assert "no end within 15 s" in lines["stuck"]["reason"]
+    assert lines["stuck"]["failures"] == 1
+    # it came to its end, a metre away
+    assert (lines["away"]["failures"], lines["away"]["lost"]) == (1, 1)
+    assert lines["away"]["reason"].startswith("lost: steady error of the trailer's centre")
+    assert lines["away"]["P rms, mm"] > 500
+    page = (finished / "out" / "leaderboard.md").read_text()
+    assert "7 of 7 rows run" in page
+    assert "lost: steady error" in page
 
 
 @pytest.mark.slow
@@ -101,22 +135,111 @@ def test_rescoring_simulates_nothing_and_finished_rows_are_reused(finished: Path
     shutil.move(finished / "away.toml", finished / "mine.toml")
 
 
+@pytest.mark.slow
+def test_a_stopped_suite_goes_on_where_it_was(finished: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in finished.glob("out/runs/*/row.json")}
+    shutil.copytree(finished / "out", finished / "stopped", copy_function=shutil.copy2)
+    (gone,) = (finished / "stopped" / "runs").glob("lyapunov-*-1")
+    shutil.rmtree(gone)
+    # and one whose command is no longer the suite's
+    (stale,) = (finished / "stopped" / "runs").glob("away-*-0")
+    row = json.loads((stale / "row.json").read_text())
+    (stale / "row.json").write_text(json.dumps({**row, "run": "ttwmr run another"}))
+    command = [sys.executable, "-m", "ttwmr_mj", "bench", "suite.toml", "--out", "stopped"]
+    process = subprocess.Popen([*command, "--workers", "1"], cwd=finished, stderr=subprocess.PIPE)
+    deadline = time.monotonic() + 60
+    while not (gone / "manifest.json").is_file() and time.monotonic() < deadline:
+        time.sleep(0.01)
+    process.send_signal(signal.SIGINT)
+    assert process.wait(timeout=60) == 1
+    done = bench("suite.toml", "--out", "stopped", cwd=finished)
+    assert done.returncode == 0, done.stderr
+    again = {path: path.stat().st_mtime_ns for path in finished.glob("stopped/runs/*/row.json")}
+    changed = {path.parent.name for path in again if again[path] not in before.values()}
+    assert changed == {gone.name, stale.name}
+    assert "ttwmr run mine.toml" in json.loads((stale / "row.json").read_text())["run"]
+    for name in ("lyapunov-circle-analytic-truth-none-1", "away-circle-analytic-truth-none-0"):
+        first, second = (
+            finished / f / "runs" / name / "trajectory.parquet" for f in ("out", "stopped")
+        )
+        assert first.read_bytes() == second.read_bytes()
+
+
 @pytest.mark.parametrize("path", sorted(sweeps_folder().glob("*.toml")), ids=lambda p: p.stem)
 def test_shipped_suites_have_distinct_rows_with_valid_overrides(path: Path) -> None:
-    from ttwmr_mj.scenario_file import load_scenario
-
-    rows = list(rows_of(load_suite(path.stem)))
+    rows = rows_of(load_suite(path.stem))
     assert len({row.key for row in rows}) == len(rows) >= 20
-    for row in rows:
-        load_scenario(row.scenario, list(row.overrides), row.seed)
+    check_rows(rows)
+    # without noise a second seed is the same run again
+    assert all(row.seed == 0 or row.names["sensing"] == "camera" for row in rows)
+
+
+def test_blocks_pick_from_the_axes(tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text(
+        'name = "a"\nseeds = [5]\n[controller.x]\n[controller.y]\nskip = ["t"]\n'
+        '[task.s]\nscenario = "lab_circle"\n[task.t]\nscenario = "sim_circle"\n'
+        '[[block]]\ntask = ["s"]\n[[block]]\ncontroller = ["y", "x"]\nseeds = [1, 2]\n'
+    )
+    keys = [row.key for row in rows_of(load_suite(str(tmp_path / "suite.toml")))]
+    tail = "contact-truth-none"
+    assert keys == [
+        *(f"{name}-s-{tail}-5" for name in "xy"),
+        *(f"{name}-{tail}-{seed}" for name in ("y-s", "x-s", "x-t") for seed in (1, 2)),
+    ]
+
+
+def test_rows_that_cannot_run_are_refused_before_any_is_started(tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text(
+        'name = "a"\n[controller.x]\n[task.s]\nscenario = "lab_circle"\n'
+        '[disturbance.wrong]\noverrides = ["plant.kind=wood"]\n[disturbance.right]\n'
+    )
+    done = bench("suite.toml", "--out", "out", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "1 rows cannot run" in done.stderr
+    assert "row x-s-contact-truth-wrong-0: " in done.stderr
+    assert "plant.kind: got 'wood'; allowed: 'contact' or 'analytic'" in done.stderr
+    assert not (tmp_path / "out" / "runs").exists()
+
+
+@pytest.mark.parametrize(
+    ("numbers", "reason"),
+    [
+        ({"steady_centre_of_oscillation_rmse_m": 0.09, "steady_tractor_rmse_m": 3.0}, ""),
+        ({"steady_centre_of_oscillation_rmse_m": 0.7}, "lost: .* oscillation 0.7 m > 0.1 m"),
+        ({"steady_centre_of_oscillation_rmse_m": None, "steady_tractor_rmse_m": 0.4}, ""),
+        ({"steady_centre_of_oscillation_rmse_m": None, "steady_tractor_rmse_m": 0.6}, "of P 0.6 m"),
+        ({}, ""),  # it broke off: that is another failure
+    ],
+)
+def test_what_counts_as_lost(numbers: dict[str, float | None], reason: str) -> None:
+    found = lost_reason(numbers)
+    assert re.search(reason, found) if reason else found == ""
+
+
+def test_what_never_settles_takes_longest() -> None:
+    def settled(*times: float | None) -> float | None:
+        return _combined([{"settling_time_s": t} for t in times], "settling_time_s", 1.0, "median")
+
+    assert settled(2.0, 4.0, None) == 4.0
+    assert settled(2.0, None, None) is None
 
 
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        ("name = 3", "name: got 3"),
+        ("name = 3", "name: got 3; allowed: a valid string"),
         ('name = "a"\n[controller.x]\n[task.y]\n', "task.y.scenario: missing"),
         ("name = ", "cannot be read as TOML"),
+        (
+            'name = "a"\n[controller.x]\noverride = []\n',
+            "controller.x.override: unknown key .did y",
+        ),
+        (
+            'name = "a"\n[controller.x]\nskip = ["z"]\n[task.y]\nscenario = "lab_circle"\n'
+            '[[block]]\ntask = ["yy"]\n',
+            "2 errors\n  controller.x.skip: got 'z'; .*\n  block.0.task: got 'yy' .did you",
+        ),
+        ('name = "a"\n[controller.x]\n[task.y]\n[[block]]\nplants = []\n', "block.0.plants: unk"),
     ],
 )
 def test_wrong_suites_are_refused(text: str, expected: str, tmp_path: Path) -> None:

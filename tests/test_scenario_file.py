@@ -122,6 +122,61 @@ def test_faults_name_key_value_and_what_is_allowed(
     assert expected in str(caught.value)
 
 
+FLATNESS, TVLQR = 'controller={kind="flatness"}', 'controller={kind="tvlqr"}'
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "expected"),
+    [
+        ("lab_circle", [FLATNESS], ["reference.kind: got 'circle'", "centre of oscillation"]),
+        ("flat_figure_eight", [FLATNESS], ["reference.kind: got 'planned'", "hardly accelerates"]),
+        ("lab_circle", [TVLQR, "reference.theta2=none"], ["reference.theta2: got 'none'"]),
+        (
+            "straight_line",
+            ['controller={kind="mpc"}', "reference.theta2=outward"],
+            ["reference.theta2: got 'outward'", "undefined at 0 s", "'mpc'"],
+        ),
+        (
+            "lab_circle",
+            ['controller={kind="lyapunov_pid"}', "reference.theta2=none"],
+            ["reference.theta2: got 'none'", "controller.theta2_reference"],
+        ),
+        ("outer_circle", [TVLQR, "reference.angular_rate_rad_s=0.0"], ["reference.kind: got 'fl"]),
+        (
+            "rest_to_rest",
+            ["reference.plan=nothing"],
+            ["plan: got 'nothing'; allowed: fig"],
+        ),
+        ("rest_to_rest", ["robot.trailer.mass_kg=0.5"], ["reference.plan: rest_to_rest was made"]),
+        # with every other fault of the file, and nothing about what is wrong already
+        (
+            "lab_circle",
+            [FLATNESS, "plant.kind=simulink", "seed=-1"],
+            ["3 errors", "plant.kind: got", "seed: got", "reference.kind: got 'circle'"],
+        ),
+        ("lab_circle", [FLATNESS, "reference.radius_m=-1.0"], ["1 error\n", "reference.radius_m"]),
+    ],
+)
+def test_what_a_controller_needs_of_its_reference_is_checked(
+    name: str, overrides: list[str], expected: list[str]
+) -> None:
+    with pytest.raises(InputError) as caught:
+        load_scenario(name, overrides)
+    for words in expected:
+        assert words in str(caught.value)
+
+
+def test_a_plan_of_ones_own_lies_beside_its_scenario(tmp_path: Path) -> None:
+    plan = Path(__file__).parent.parent / "ttwmr_mj" / "references" / "data" / "rest_to_rest.csv"
+    (tmp_path / "mine.csv").write_text(plan.read_text())
+    text = GOOD.split("[reference]")[0] + '[reference]\nkind = "planned"\nplan = "mine.csv"\n'
+    path = write(tmp_path, text + '[controller]\nkind = "tvlqr"\n')
+    scenario = load_scenario(path)
+    assert scenario.reference.model_dump()["plan"] == str((tmp_path / "mine.csv").resolve())
+    with pytest.raises(InputError, match=r"reference.plan: got .*none.csv"):
+        load_scenario(path, ["reference.plan=none.csv"])
+
+
 def test_overrides_reach_every_depth() -> None:
     data = {"controller": {"kind": "open_loop", "segments": [{"duration_s": 1.0}]}}
     set_value(data, "controller.segments.0.duration_s=2.5")

@@ -6,40 +6,55 @@ from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.figures import STYLE
 from ttwmr_mj.studies.basin import Basin
+
+LOST = "#ded9d2"  # a warm grey, behind the colours of what was caught
+GIVEN = (50.0, np.degrees(0.2))  # mm, degrees: the start that the shipped scenarios have
 
 
 def write_basin_figure(basins: dict[str, Basin], path: Path, title: str) -> None:
-    """One panel per controller: which starts are caught.
+    """One panel per controller: which starts are caught, and how soon.
 
     Args:
-        basins: name of the controller → its basin.
+        basins: name of the controller → its basin; all on the same grid.
         path: a .png or .svg file.
         title: over all panels.
     """
+    import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.colors import ListedColormap
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(4.2 * len(basins), 4.0), layout="constrained")
-    FigureCanvasAgg(figure)
-    panels = figure.subplots(1, len(basins), sharey=True, squeeze=False)[0]
-    colours = ListedColormap(["#e9e4de", "#3b7ea1"])
-    for axes, (name, basin) in zip(panels, basins.items(), strict=True):
-        axes.pcolormesh(
-            1e3 * basin.position_offset_m,
-            np.degrees(basin.theta2_offset_rad),
-            basin.caught.T.astype(float),
-            cmap=colours,
-            vmin=0,
-            vmax=1,
-            shading="nearest",
-        )
-        axes.plot(0, 0, marker="+", color="white", markersize=12, markeredgewidth=2)
-        axes.set_title(f"{name}: {100 * basin.share:.0f} % caught")
-        axes.set_xlabel("offset of P to the left [mm]")
-    panels[0].set_ylabel("offset of θ2 [°]")
-    figure.suptitle(title)
-    temporary = path.with_name(f".{path.stem}.part{path.suffix}")
-    figure.savefig(temporary, dpi=150)
+    slowest = max((np.nanmax(b.caught_after_s) for b in basins.values() if b.share), default=1.0)
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE | {"axes.grid": False, "font.size": 11})
+        figure = Figure(figsize=(3.1 * len(basins) + 1.0, 3.9), layout="constrained")
+        FigureCanvasAgg(figure)
+        panels = figure.subplots(1, len(basins), sharey=True, squeeze=False)[0]
+        colours = mpl.colormaps["viridis_r"].with_extremes(bad=LOST)
+        for axes, (name, basin) in zip(panels, basins.items(), strict=True):
+            across = 1e3 * basin.position_offset_m
+            up = np.degrees(basin.theta2_offset_rad)
+            mesh = axes.pcolormesh(
+                across,
+                up,
+                np.ma.masked_invalid(basin.caught_after_s.T),
+                cmap=colours,
+                vmin=0.0,
+                vmax=np.ceil(slowest),
+                shading="nearest",
+                rasterized=True,
+            )
+            axes.set_facecolor(LOST)
+            axes.plot(0.0, 0.0, "+", color="white", markersize=11, markeredgewidth=2)
+            axes.plot(*GIVEN, "o", color="none", markeredgecolor="white", markersize=6)
+            axes.set_title(f"{name}: {100 * basin.share:.0f} %")
+            axes.set_xlabel("P off, to the left, mm")
+        panels[0].set_ylabel("θ2 off, °")
+        bar = figure.colorbar(mesh, ax=list(panels), pad=0.015, aspect=28)
+        bar.set_label("caught after, s  (grey: lost)")
+        figure.suptitle(title)
+        temporary = path.with_name(f".{path.stem}.part{path.suffix}")
+        figure.savefig(temporary, dpi=150)
     temporary.replace(path)

@@ -20,6 +20,7 @@ from ttwmr_mj.references.base import Reference
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat import FlatReference
+from ttwmr_mj.references.flat_arc import FlatArc
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.path import ReferencePath, Samples
@@ -48,6 +49,7 @@ _REFERENCES: dict[str, type[Reference]] = {
 _FLAT_REFERENCES: dict[str, type[FlatReference]] = {
     "flat_circle": FlatCircle,
     "flat_ellipse": FlatEllipse,
+    "flat_arc": FlatArc,
 }
 
 

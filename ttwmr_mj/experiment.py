@@ -13,6 +13,8 @@ import numpy as np
 
 from ttwmr_mj import build
 from ttwmr_mj.controllers.base import Command, Task
+from ttwmr_mj.deadline import Deadline, Overrun
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.path import ReferencePath
 from ttwmr_mj.scenario import Push, Scenario
@@ -32,7 +34,7 @@ class Outcome:
 
     Attributes:
         status: "ok", "diverged" (the state left all bounds), "failed" (physics or the controller
-            broke), "interrupted" (Ctrl-C).
+            broke, or the controller took too long), "interrupted" (Ctrl-C).
         reason: why, in words; empty when ok.
         time_s: simulated time at the end.
         cause: the exception behind it, if there is one.
@@ -41,7 +43,7 @@ class Outcome:
     status: Status
     reason: str
     time_s: float
-    cause: Exception | None = None
+    cause: BaseException | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,9 @@ class Experiment:
             initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, at most every REPORT_EVERY_S of wall time,
                 and once with the last ones.
+
+        Raises:
+            InputError: the controller cannot follow this reference.
         """
         scenario, plant, nsim = self.scenario, self.plant, self.nsim
         period = scenario.control.sampling_time_s
@@ -101,14 +106,22 @@ class Experiment:
         if report:
             sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, nsim))
-        self._controller.start(
-            Task(scenario.robot, self.reference, period, nsim, rng["controller"])
-        )
         rows = self._blank_rows()
         ends: dict[int, Outcome] = {}
         done, reported = 0, 0
+        # a batch asks for as many answers at once
+        deadline = Deadline(nsim * scenario.control.controller_time_limit_s)
+        try:
+            self._controller.start(
+                Task(scenario.robot, self.reference, period, nsim, rng["controller"])
+            )
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:  # a controller of the user's may raise anything
+            _end_all(ends, nsim, Outcome("failed", f"at its start {_raised(error)}", 0.0, error))
         watch = Stopwatch()
         last_report = perf_counter()
+        deadline.arm()
         try:
             for k in range(scenario.periods + 1):
                 truth = plant.state()
@@ -120,17 +133,18 @@ class Experiment:
                 failed = plant.failed()
                 if failed.any() or not np.abs(truth.q).max() <= ESCAPE:
                     _end(ends, truth, failed, plant, k * period)
-                    if len(ends) == nsim:
-                        break
+                if len(ends) == nsim:
+                    break
                 watch.lap("loop")
                 estimate = sensor.observe(truth)
                 watch.lap("sensing")
                 try:
-                    command = self._controller.command(k, estimate)
+                    with deadline:
+                        command = self._controller.command(k, estimate)
                     _check(command, nsim)
                     sensor.commanded(command.wheel_speed_rad_s)
-                except Exception as error:  # a controller of the user's may raise anything
-                    reason = f"the controller raised {type(error).__name__}: {error}"
+                except (Exception, SystemExit, Overrun) as error:
+                    reason = _broken(error, k * period, deadline.limit_s)
                     _end_all(ends, nsim, Outcome("failed", reason, k * period, error))
                     break
                 watch.lap("controller")
@@ -154,6 +168,7 @@ class Experiment:
             reason = "stopped by the user"
             _end_all(ends, nsim, Outcome("interrupted", reason, max(done - 1, 0) * period))
         finally:
+            deadline.disarm()
             sensor.close()
         watch.lap("loop")
         if report:
@@ -207,6 +222,20 @@ def _end_all(ends: dict[int, Outcome], nsim: int, outcome: Outcome) -> None:
     """The same end for every simulation that has none yet."""
     for i in range(nsim):
         ends.setdefault(i, outcome)
+
+
+def _raised(error: BaseException) -> str:
+    return f"the controller raised {type(error).__name__}: {error}"
+
+
+def _broken(error: BaseException, time_s: float, limit_s: float) -> str:
+    """Why a controller gave no command, in words."""
+    if not isinstance(error, Overrun):
+        return _raised(error)
+    return (
+        f"the controller took longer than {limit_s:g} s for its sample at t = {time_s:.3f} s "
+        "(limit: control.controller_time_limit_s)"
+    )
 
 
 def _check(command: Command, nsim: int) -> None:

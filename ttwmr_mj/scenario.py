@@ -13,7 +13,12 @@ from pydantic import Field, field_validator
 from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
 from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.references.options import FlatCircleReference, FlatEllipseReference, PlannedReference
+from ttwmr_mj.references.options import (
+    FlatArcReference,
+    FlatCircleReference,
+    FlatEllipseReference,
+    PlannedReference,
+)
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.vision.options import CameraSensing
 
@@ -91,6 +96,7 @@ Reference = Annotated[
     | StraightLineReference
     | WaypointsReference
     | FlatCircleReference
+    | FlatArcReference
     | FlatEllipseReference
     | PlannedReference
     | NoReference,
@@ -270,6 +276,13 @@ class Control(Config):
     """The sampled loop."""
 
     sampling_time_s: float = Field(default=0.033, gt=0, le=10, description="33 ms in Section 4")
+    controller_time_limit_s: float = Field(
+        default=2.0,
+        gt=0,
+        le=3600,
+        description="CPU time after which the command of a sample counts as never coming and the "
+        "run ends as failed; 15 times as much wall time, for a controller that waits",
+    )
 
 
 class Output(Config):

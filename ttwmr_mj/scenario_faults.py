@@ -29,19 +29,19 @@ class Fault:
         return f"{where}: {self.message}"
 
 
-def fault_of(error: Any) -> Fault:
-    """One pydantic error in this project's words."""
-    keys = _file_keys(error["loc"])
+def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
+    """One pydantic error in this project's words; `root` is the model of the whole file."""
+    keys = _file_keys(error["loc"], root)
     got, context = error["input"], error.get("ctx", {})
     match error["type"]:
         case "extra_forbidden":
-            allowed = _allowed_keys(error["loc"][:-1])
+            allowed = _allowed_keys(error["loc"][:-1], root)
             hint = suggestion(str(keys[-1]), allowed)
             return Fault(keys, f"unknown key{hint}; allowed here: {', '.join(allowed)}")
         case "missing":
             return Fault(keys, "missing; this key has no default and must be given")
         case "union_tag_not_found":
-            return Fault((*keys, "kind"), f"missing; allowed: {_tags(error['loc'])}")
+            return Fault((*keys, "kind"), f"missing; allowed: {_tags(error['loc'], root)}")
         case "union_tag_invalid":
             tag, expected = context["tag"], context["expected_tags"]
             hint = suggestion(str(tag), expected.replace("'", "").split(", "))
@@ -62,19 +62,19 @@ def suggestion(word: str, choices: list[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def _file_keys(location: Keys) -> Keys:
+def _file_keys(location: Keys, root: type[BaseModel]) -> Keys:
     """A pydantic location without the union tags, which no file contains."""
-    return tuple(key for key, _ in _walk(location))
+    return tuple(key for key, _ in _walk(location, root))
 
 
-def _allowed_keys(location: Keys) -> list[str]:
-    steps = _walk(location)
-    model = steps[-1][1] if steps else Scenario
+def _allowed_keys(location: Keys, root: type[BaseModel]) -> list[str]:
+    steps = _walk(location, root)
+    model = steps[-1][1] if steps else root
     return list(model.model_fields) if model else []
 
 
-def _tags(location: Keys) -> str:
-    members = _members(Scenario.model_fields[str(location[0])].annotation)
+def _tags(location: Keys, root: type[BaseModel]) -> str:
+    members = _members(root.model_fields[str(location[0])].annotation)
     return ", ".join(repr(_kind(member)) for member in members)
 
 
@@ -92,10 +92,10 @@ def _members(annotation: Any) -> list[type[BaseModel]]:
     return found or (_members(inner) if inner not in (None, annotation) else [])
 
 
-def _walk(location: Keys) -> list[tuple[str | int, type[BaseModel] | None]]:
+def _walk(location: Keys, root: type[BaseModel]) -> list[tuple[str | int, type[BaseModel] | None]]:
     """Each key of a location with the model that its value belongs to, union tags folded in."""
     steps: list[tuple[str | int, type[BaseModel] | None]] = []
-    model: type[BaseModel] | None = Scenario
+    model: type[BaseModel] | None = root
     union: list[type[BaseModel]] = []
     for key in location:
         if len(union) > 1:  # the key is a tag: it picks the member, and is in no file

@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.references.options import PlannedReference
 from ttwmr_mj.scenario import MAX_DURATION_S, Scenario
 from ttwmr_mj.scenario_faults import Fault, Keys, cross_faults, fault_of, suggestion
 from ttwmr_mj.vision.options import CameraSensing
@@ -99,11 +100,15 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     except ValidationError as error:
         faults = [fault_of(item) for item in error.errors()]
         scenario = Scenario.model_validate(_sound_part(data, faults))
+    from ttwmr_mj.reference_faults import reference_faults  # it builds, and imports that much
+
+    placed = _with_absolute_paths(scenario, folder)
     wrong = {fault.keys for fault in faults}
-    faults += [fault for fault in cross_faults(scenario, folder) if not _touches(fault, wrong)]
+    across = cross_faults(scenario, folder) + reference_faults(placed)
+    faults += [fault for fault in across if not _touches(fault, wrong)]
     if faults:
         raise _input_error(source, faults)
-    return _with_absolute_paths(scenario, folder)
+    return placed
 
 
 def _with_absolute_paths(scenario: Scenario, folder: Path) -> Scenario:
@@ -113,10 +118,15 @@ def _with_absolute_paths(scenario: Scenario, folder: Path) -> Scenario:
         path = str((folder / plant.contact.model_path).resolve())
         contact = plant.contact.model_copy(update={"model_path": path})
         plant = plant.model_copy(update={"contact": contact})
+    reference = scenario.reference
+    if isinstance(reference, PlannedReference) and reference.plan.endswith(".csv"):
+        plan = str((folder / reference.plan).resolve())
+        reference = reference.model_copy(update={"plan": plan})
     if isinstance(sensing, CameraSensing) and sensing.calibration_path is not None:
         path = str((folder / sensing.calibration_path).resolve())
         sensing = sensing.model_copy(update={"calibration_path": path})
-    return scenario.model_copy(update={"plant": plant, "sensing": sensing})
+    changed = {"plant": plant, "sensing": sensing, "reference": reference}
+    return scenario.model_copy(update=changed)
 
 
 def set_value(data: dict[str, Any], override: str) -> None:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Self
-from uuid import uuid4
+from typing import TYPE_CHECKING
 
 import mujoco
 import numpy as np
 import rerun as rr
-import rerun_bindings
 
 from ttwmr_mj.curves import Curves
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.blueprint import REPORT, blueprint
 from ttwmr_mj.recording.lyapunov_curves import LyapunovCurves
 from ttwmr_mj.recording.plots import Plots
+from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, floor_corners
 from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.references.path import ReferencePath
@@ -35,7 +32,7 @@ if TYPE_CHECKING:
 SHOW_EVERY = 3
 
 
-class RunRecorder:
+class RunRecorder(RrdFile):
     """Writes the first simulation of a run for the Rerun viewer.
 
     A context manager; every appended row is on disk when `append` returns, and leaving the context
@@ -67,19 +64,12 @@ class RunRecorder:
         camera: bool = False,
         lyapunov: LyapunovController | None = None,
     ) -> None:
-        rr.set_strict_mode(True)  # else wrong calls only warn
+        floor_m = floor_corners(reference)
+        shown = lyapunov is not None
+        layout = blueprint(name, reference, floor_m, camera=camera, lyapunov=shown)
+        super().__init__(path, name, layout)
         self._robot = robot
         self._summary = summary_markdown
-        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
-        self._stream.set_log_time_enabled(False)
-        floor_m = floor_corners(reference)
-        layout = blueprint(name, reference, floor_m, camera=camera, lyapunov=lyapunov is not None)
-        try:
-            self._stream.save(path, default_blueprint=layout)
-        except RuntimeError as error:
-            raise InputError(f"{path}: cannot be written as a recording: {error}") from error
-        self._open = True
-        self._stream.send_recording_name(name)
         self._stream.send_property("scenario", rr.AnyValues(name=name))
         self._report(summary_markdown)
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
@@ -126,28 +116,6 @@ class RunRecorder:
         """Show the result above the summary."""
         self._check_open()
         self._report(f"{result_markdown}\n\n{self._summary}")
-
-    def close(self) -> None:
-        """Complete the file; nothing can be appended afterwards. A second call does nothing."""
-        self._open = False
-        self._stream.disconnect()
-        # the stream's threads outlive it otherwise
-        rerun_bindings.flush_and_cleanup_orphaned_recordings()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()
-
-    def _check_open(self) -> None:
-        if not self._open:  # rerun would drop the data with a warning
-            raise ValueError("the recording is closed, nothing can be added to it")
 
     def _report(self, markdown: str) -> None:
         document = rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)

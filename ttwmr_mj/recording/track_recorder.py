@@ -4,19 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Self
-from uuid import uuid4
 
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-import rerun_bindings
 
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.blueprint import PICTURE, WHOLE_RUN
 from ttwmr_mj.recording.camera_view import CameraView
+from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.timeline import TIMELINE, time_column
 from ttwmr_mj.vision.camera import CameraModel
 from ttwmr_mj.vision.labels import LabelLayout
@@ -30,7 +26,7 @@ PLOTS = {
 SPREAD = "uncertainty"
 
 
-class TrackRecorder:
+class TrackRecorder(RrdFile):
     """Writes tracked frames for the Rerun viewer; a context manager.
 
     Args:
@@ -44,14 +40,7 @@ class TrackRecorder:
     """
 
     def __init__(self, path: Path, name: str, camera: CameraModel, layout: LabelLayout) -> None:
-        rr.set_strict_mode(True)
-        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
-        self._stream.set_log_time_enabled(False)
-        try:
-            self._stream.save(path, default_blueprint=_blueprint(name))
-        except RuntimeError as error:
-            raise InputError(f"{path}: cannot be written as a recording: {error}") from error
-        self._stream.send_recording_name(name)
+        super().__init__(path, name, _blueprint(name))
         self._view = CameraView(self._stream, camera, layout)
         for plot, (_, names, colours, _) in PLOTS.items():
             looks = rr.SeriesLines(names=names, colors=colours)
@@ -61,6 +50,7 @@ class TrackRecorder:
 
     def append(self, records: Sequence[CameraRecord]) -> None:
         """Record the next frames; what is appended is on disk when this returns."""
+        self._check_open()
         self._view.append(records)
         known = [record for record in records if np.isfinite(record.estimate.q).all()]
         if known:
@@ -74,18 +64,6 @@ class TrackRecorder:
             values = rr.Scalars.columns(scalars=spread[:, None])
             self._stream.send_columns(f"plots/{SPREAD}", [now], values)
         self._stream.flush()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self._stream.disconnect()
-        rerun_bindings.flush_and_cleanup_orphaned_recordings()
 
 
 def _blueprint(name: str) -> rrb.Blueprint:

@@ -1,23 +1,41 @@
-"""A suite: which controllers meet which tasks, plants, sensors and disturbances."""
+"""A suite: which controllers meet which tasks, plants, sensors and disturbances.
+
+A suite file names the choices on each axis and what each changes in a scenario. Rows are the
+product of the axes, or of those parts of them that `[[block]]` tables pick:
+
+    [controller.mine]                 # task, plant, sensing and disturbance likewise
+    overrides = ['controller={kind="custom", target="mine:Mine"}']
+
+    [[block]]                         # an axis left out takes all of its choices
+    sensing = ["camera"]
+    seeds = [0, 1]
+"""
 
 from __future__ import annotations
 
 import itertools
 import shlex
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.robot import Config
+from ttwmr_mj.scenario_faults import Fault, fault_of, suggestion
+from ttwmr_mj.scenario_file import load_scenario
 
 Overrides = tuple[str, ...]
 AXES = ("controller", "task", "plant", "sensing", "disturbance")
 LEAN: Overrides = ("output.recording=false", "output.figures=false")
+
+Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+Seeds = Annotated[list[Annotated[int, Field(ge=0, lt=2**32)]], Field(min_length=1)]
+Picked = Annotated[list[str], Field(min_length=1)]
 
 
 class Choice(Config):
@@ -28,18 +46,30 @@ class Choice(Config):
     skip: list[str] = Field(default=[], description="names on other axes it is not combined with")
 
 
+class Block(Config):
+    """A part of the product: the named choices of each axis, all of them where left out."""
+
+    controller: Picked | None = None
+    task: Picked | None = None
+    plant: Picked | None = None
+    sensing: Picked | None = None
+    disturbance: Picked | None = None
+    seeds: Seeds | None = Field(default=None, description="the suite's where left out")
+
+
 class Suite(Config):
-    """All axes; rows are their product, less what is skipped."""
+    """All axes, and the blocks of their product that are run."""
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
     description: str = ""
-    seeds: list[int] = Field(default=[0], min_length=1)
+    seeds: Seeds = [0]
     timeout_s: float = Field(default=300.0, gt=0, le=86_400, description="per run, wall time")
-    controller: dict[str, Choice] = Field(min_length=1)
-    task: dict[str, Choice] = Field(min_length=1)
-    plant: dict[str, Choice] = {"contact": Choice()}
-    sensing: dict[str, Choice] = {"truth": Choice()}
-    disturbance: dict[str, Choice] = {"none": Choice()}
+    controller: dict[Name, Choice] = Field(min_length=1)
+    task: dict[Name, Choice] = Field(min_length=1)
+    plant: dict[Name, Choice] = {"contact": Choice()}
+    sensing: dict[Name, Choice] = {"truth": Choice()}
+    disturbance: dict[Name, Choice] = {"none": Choice()}
+    block: list[Block] = Field(default=[Block()], min_length=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +83,7 @@ class Row:
         overrides: everything that is set.
     """
 
-    names: dict[str, str]
+    names: Mapping[str, str]
     seed: int
     scenario: str
     overrides: Overrides
@@ -77,42 +107,103 @@ class Row:
 def load_suite(name_or_path: str) -> Suite:
     """Read a suite: a TOML file, or the name of a shipped one.
 
+    A task's scenario is looked for beside the suite's file first.
+
     Raises:
         InputError: there is no such suite, or it is wrong; with every fault in one message.
     """
-    path = Path(name_or_path)
-    shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
-    if not path.is_file():
-        if name_or_path not in shipped:
-            raise InputError(
-                f"{name_or_path}: no such suite file, and no shipped suite of that name; shipped: "
-                f"{', '.join(shipped)}"
-            )
-        path = shipped[name_or_path]
+    path = _find(name_or_path)
     try:
         suite = Suite.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        faults = _faults(suite)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
-        faults = [
-            f"  {'.'.join(map(str, item['loc']))}: got {item['input']!r}; {item['msg']}"
-            for item in error.errors()
-        ]
-        raise InputError("\n".join([f"{path}: {len(faults)} errors", *faults])) from error
-    missing = [name for name, task in suite.task.items() if task.scenario is None]
-    if missing:
-        raise InputError(f"{path}: task.{missing[0]}.scenario: missing; name a scenario")
-    return suite
+        faults = [fault_of(item, Suite) for item in error.errors()]
+    if faults:
+        count = "1 error" if len(faults) == 1 else f"{len(faults)} errors"
+        raise InputError("\n".join([f"{path}: {count}", *(f"  {fault}" for fault in faults)]))
+    tasks = {name: _placed(task, path.parent) for name, task in suite.task.items()}
+    return suite.model_copy(update={"task": tasks})
 
 
-def rows_of(suite: Suite) -> Iterator[Row]:
-    """Every row, seeds innermost."""
+def _find(name_or_path: str) -> Path:
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
+    if name_or_path not in shipped:
+        raise InputError(
+            f"{name_or_path}: no such suite file, and no shipped suite of that name"
+            f"{suggestion(name_or_path, list(shipped))}; shipped: {', '.join(shipped)}"
+        )
+    return shipped[name_or_path]
+
+
+def _placed(task: Choice, folder: Path) -> Choice:
+    """The task with its scenario's path from here, if it lies beside the suite."""
+    beside = folder / str(task.scenario)
+    return task.model_copy(update={"scenario": str(beside)}) if beside.is_file() else task
+
+
+def _faults(suite: Suite) -> list[Fault]:
+    """What the keys do not show one by one."""
+    faults = [
+        Fault(("task", name, "scenario"), "missing; name a scenario")
+        for name, task in suite.task.items()
+        if task.scenario is None
+    ]
+    names = {axis: list(getattr(suite, axis)) for axis in AXES}
+    every = [name for axis in AXES for name in names[axis]]
+    for axis in AXES:
+        for name, choice in getattr(suite, axis).items():
+            faults += _unknown((axis, name, "skip"), choice.skip, every)
+        for i, block in enumerate(suite.block):
+            faults += _unknown(("block", i, axis), getattr(block, axis) or (), names[axis])
+    return faults
+
+
+def _unknown(
+    keys: tuple[str | int, ...], given: Collection[str], allowed: list[str]
+) -> list[Fault]:
+    return [
+        Fault(keys, f"got {name!r}{suggestion(name, allowed)}; allowed: {', '.join(allowed)}")
+        for name in given
+        if name not in allowed
+    ]
+
+
+def rows_of(suite: Suite) -> list[Row]:
+    """Every row, block by block, seeds innermost; what several blocks name is one row."""
+    rows = {row.key: row for block in suite.block for row in _rows_of_block(suite, block)}
+    return list(rows.values())
+
+
+def _rows_of_block(suite: Suite, block: Block) -> Iterator[Row]:
     axes = [getattr(suite, axis) for axis in AXES]
-    for names in itertools.product(*axes):
+    picked = [getattr(block, axis) or list(getattr(suite, axis)) for axis in AXES]
+    for names in itertools.product(*picked):
         choices: list[Choice] = [axis[name] for axis, name in zip(axes, names, strict=True)]
         if any(name in choice.skip for choice in choices for name in names):
             continue
         scenario = choices[AXES.index("task")].scenario or ""
         overrides = tuple(item for choice in choices for item in choice.overrides)
-        for seed in suite.seeds:
+        for seed in block.seeds or suite.seeds:
             yield Row(dict(zip(AXES, names, strict=True)), seed, scenario, overrides)
+
+
+def check_rows(rows: list[Row]) -> None:
+    """See that every row is a scenario that can run.
+
+    Raises:
+        InputError: some are not; with every fault in one message.
+    """
+    faults = []
+    for row in rows:
+        try:
+            load_scenario(row.scenario, list(row.overrides), row.seed)
+        except InputError as error:
+            faults.append(f"row {row.key}: {error}")
+    if faults:
+        hint = "a choice's `skip`, or blocks, leave out what does not go together"
+        raise InputError("\n".join([f"{len(faults)} rows cannot run; {hint}", *faults]))

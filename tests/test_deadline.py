@@ -1,0 +1,119 @@
+"""A controller that does not answer ends its run, and only its run."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import sys
+import threading
+import time
+import tomllib
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from ttwmr_mj.deadline import Deadline, Overrun
+from ttwmr_mj.experiment import Experiment, Result
+from ttwmr_mj.scenario_file import check_scenario
+
+SCENARIO = """
+name = "mine"
+duration_s = 2.0
+plant.kind = "analytic"
+reference.kind = "none"
+control.controller_time_limit_s = 0.2
+[controller]
+kind = "custom"
+target = "misbehaving:{name}"
+"""
+
+
+def experiment(name: str, nsim: int = 1) -> Experiment:
+    folder = Path(__file__).parent
+    return Experiment(
+        check_scenario(tomllib.loads(SCENARIO.format(name=name)), "mine"), folder, nsim
+    )
+
+
+@pytest.mark.parametrize("name", ["Endless", "Stubborn"])
+def test_a_hanging_controller_ends_its_run_with_the_reason_and_the_files(
+    name: str, tmp_path: Path
+) -> None:
+    (tmp_path / "misbehaving.py").write_text((Path(__file__).parent / "misbehaving.py").read_text())
+    (tmp_path / "mine.toml").write_text(SCENARIO.format(name=name))
+    command = [sys.executable, "-m", "ttwmr_mj", "run", "mine.toml", "--out", "out"]
+    command += ["--set", "output.recording=false", "--set", "output.figures=false"]
+    done = subprocess.run(
+        command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    reason = "the controller took longer than 0.2 s for its sample at t = 0.099 s"
+    assert reason in done.stderr
+    assert "control.controller_time_limit_s" in done.stderr
+    assert "Traceback" not in done.stderr
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert metrics["status"] == "failed"
+    assert metrics["reason"].startswith(reason)
+    assert pq.read_table(tmp_path / "out" / "trajectory.parquet").num_rows == 4
+
+
+def test_a_sleeping_controller_is_woken() -> None:
+    began = time.perf_counter()
+    assert "took longer than 0.2 s" in experiment("Sleeper").run().outcomes[0].reason
+    assert time.perf_counter() - began < 30  # it would sleep for a minute
+
+
+def test_waiting_for_a_busy_machine_is_no_overrun() -> None:
+    deadline = Deadline(0.05)
+    deadline.arm()
+    with deadline:  # as if another process had the processor
+        time.sleep(0.2)
+    deadline.disarm()
+
+
+def test_what_raises_at_its_start_has_failed_there() -> None:
+    result = experiment("Stillborn").run()
+    (outcome,) = result.outcomes
+    assert (outcome.status, outcome.time_s) == ("failed", 0.0)
+    assert outcome.reason == "at its start the controller raised SystemExit: never"
+    assert len(result.trajectory) == 1
+
+
+def test_a_batch_has_the_time_of_its_simulations() -> None:
+    # one answer of 0.3 s: too long for one simulation, not for three
+    assert experiment("Slow", nsim=1).run().outcomes[0].status == "failed"
+    assert experiment("Slow", nsim=3).run().outcomes[0].status == "ok"
+
+
+def test_outside_the_main_thread_an_answer_is_judged_when_it_comes() -> None:
+    results: list[Result] = []
+    thread = threading.Thread(target=lambda: results.append(experiment("Slow").run()))
+    thread.start()
+    thread.join()
+    assert "took longer than 0.2 s" in results[0].outcomes[0].reason
+
+
+def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:
+    with pytest.raises(Overrun), Deadline(0.01):  # never armed
+        time.sleep(0.2)
+
+
+def test_the_alarm_is_given_back() -> None:
+    rung = []
+    before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))
+    try:
+        deadline = Deadline(0.05)
+        deadline.arm()
+        with pytest.raises(Overrun), deadline:  # noqa: PT012  # the loop is the point
+            while True:
+                pass
+        with deadline:  # in time, and nothing rings afterwards
+            pass
+        time.sleep(0.3)
+        deadline.disarm()
+        signal.raise_signal(signal.SIGALRM)
+        assert rung == [1]
+    finally:
+        signal.signal(signal.SIGALRM, before)

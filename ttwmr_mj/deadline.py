@@ -1,0 +1,86 @@
+"""A limit on the time of code that may never return, such as a controller of the user's.
+
+The limit is on CPU time, so that the same code keeps it or not however busy the machine is. What
+waits and never computes has many times as long, counted in rings of a timer, which merge into one
+while the process is stopped or gets no processor.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from time import perf_counter, thread_time
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
+PATIENCE = 15.0  # limits that may pass waiting
+
+
+class Overrun(BaseException):
+    """The limit has passed. Not an Exception, so that `except Exception` does not swallow it."""
+
+
+class Deadline:
+    """A context manager, entered once per call, whose body may take `limit_s` of CPU time.
+
+    Between `arm` and `disarm`, in the main thread of a system with interval timers, a signal breaks
+    the body off wherever its Python code is, an endless loop included. Elsewhere the time is looked
+    at when the body returns, and compiled code is not broken off until it returns to Python.
+
+    Args:
+        limit_s: allowed CPU time of one body, in its thread; and PATIENCE times as much waiting.
+    """
+
+    def __init__(self, limit_s: float) -> None:
+        self.limit_s = limit_s
+        self._timed = False
+        self._before: Any = None
+        self._running = False
+        self._rings = 0
+        self._began_s = self._began_cpu_s = 0.0
+
+    def arm(self) -> None:
+        """Take the alarm signal, until `disarm`."""
+        main = threading.current_thread() is threading.main_thread()
+        if main and hasattr(signal, "setitimer"):
+            self._before = signal.signal(signal.SIGALRM, self._ring) or signal.SIG_DFL
+            self._timed = True
+
+    def disarm(self) -> None:
+        """Give the alarm signal back."""
+        if self._timed:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+            signal.signal(signal.SIGALRM, self._before)
+            self._timed = False
+
+    def __enter__(self) -> Self:
+        self._began_s, self._began_cpu_s = perf_counter(), thread_time()
+        self._running, self._rings = True, 0
+        if self._timed:
+            signal.setitimer(signal.ITIMER_REAL, self.limit_s, AGAIN_S)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._running = False  # before the timer is stopped, which may have rung already
+        if self._timed:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+        waited = not self._timed and perf_counter() - self._began_s > PATIENCE * self.limit_s
+        if kind is None and (waited or self._computed_too_long()):
+            raise Overrun
+
+    def _ring(self, signum: int, frame: FrameType | None) -> None:
+        del signum, frame
+        if not self._running:
+            return
+        self._rings += 1
+        if self._rings * AGAIN_S > PATIENCE * self.limit_s or self._computed_too_long():
+            raise Overrun
+
+    def _computed_too_long(self) -> bool:
+        return thread_time() - self._began_cpu_s > self.limit_s

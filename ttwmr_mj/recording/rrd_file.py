@@ -1,0 +1,60 @@
+"""An .rrd file as the recorders write it: opened, streamed to, and closed whatever happens."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+from uuid import uuid4
+
+import rerun as rr
+import rerun.blueprint as rrb
+import rerun_bindings
+
+from ttwmr_mj.errors import InputError
+
+
+class RrdFile:
+    """Base of what writes recordings; a context manager that closes the file on any way out.
+
+    Args:
+        path: the .rrd file, overwritten; its folder exists.
+        name: of the recording, as the viewer lists it.
+        layout: what the viewer shows.
+
+    Raises:
+        InputError: the file cannot be created.
+    """
+
+    def __init__(self, path: Path, name: str, layout: rrb.Blueprint) -> None:
+        rr.set_strict_mode(True)  # else wrong calls only warn
+        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
+        self._stream.set_log_time_enabled(False)
+        try:
+            self._stream.save(path, default_blueprint=layout)
+        except RuntimeError as error:
+            raise InputError(f"{path}: cannot be written as a recording: {error}") from error
+        self._open = True
+        self._stream.send_recording_name(name)
+
+    def close(self) -> None:
+        """Complete the file; nothing can be appended afterwards. A second call does nothing."""
+        self._open = False
+        self._stream.disconnect()
+        # the stream's threads outlive it otherwise
+        rerun_bindings.flush_and_cleanup_orphaned_recordings()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if not self._open:  # rerun would drop the data with a warning
+            raise ValueError("the recording is closed, nothing can be added to it")

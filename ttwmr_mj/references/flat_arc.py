@@ -1,0 +1,71 @@
+"""An arc of the trailer's centre of oscillation: slow at its ends, fast in its middle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from ttwmr_mj.references.flat import FLAT_ORDERS, FlatReference
+from ttwmr_mj.state import FloatArray
+
+# 0 at both ends with five derivatives, 1 in the middle: the angle is C⁶, as many as F needs
+BUMP = Polynomial([0.0, 4.0, -4.0]) ** 6
+BUMP_INTEGRAL = BUMP.integ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class FlatArc(FlatReference):
+    """F = centre + R·(cos φ, sin φ), φ from one angle to another and slowly on.
+
+    φ̇ = ±(r + (p − r)·bump(t/T)), with T such that the arc takes exactly T; outside of it φ̇ = ±r.
+    As r > 0 the centripetal part Rφ̇² of F'' vanishes nowhere, whatever the tangential one; but θ2
+    is the direction of F'', so a small r beside p asks for quick turns (`references.feasibility`).
+
+    Attributes:
+        radius_m: R, of F.
+        angles_rad: φ where the arc begins and ends; their order gives the sense.
+        rest_rate_rad_s: r, the rate at both ends and after them.
+        peak_rate_rad_s: p, the rate in the middle.
+        centre_m: (x, y).
+    """
+
+    radius_m: float
+    angles_rad: tuple[float, float]
+    rest_rate_rad_s: float
+    peak_rate_rad_s: float
+    centre_m: tuple[float, float] = (0.0, 0.0)
+
+    @property
+    def duration_s(self) -> float:
+        """T."""
+        rest, mean = self.rest_rate_rad_s, float(BUMP_INTEGRAL(1.0))
+        angle = abs(self.angles_rad[1] - self.angles_rad[0])
+        return angle / (rest + (self.peak_rate_rad_s - rest) * mean)
+
+    def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
+        """(n, 7, 2) F and its derivatives, from z = R·exp(iφ): z' = iφ̇·z, by Leibniz' rule."""
+        phi = self._angle(time_s)
+        z = np.empty((FLAT_ORDERS, time_s.size), dtype=np.complex128)
+        z[0] = self.radius_m * np.exp(1j * phi[0])
+        for n in range(FLAT_ORDERS - 1):
+            z[n + 1] = 1j * sum(comb(n, j) * phi[j + 1] * z[n - j] for j in range(n + 1))
+        z[0] += complex(*self.centre_m)
+        return np.stack([z.real.T, z.imag.T], axis=-1)
+
+    def _angle(self, time_s: FloatArray) -> FloatArray:
+        """(7, n) φ and its derivatives."""
+        start, stop = self.angles_rad
+        rest, more = self.rest_rate_rad_s, self.peak_rate_rad_s - self.rest_rate_rad_s
+        T = self.duration_s
+        share = np.clip(time_s / T, 0.0, 1.0)
+        angle = np.zeros((FLAT_ORDERS, time_s.size))
+        angle[0] = rest * time_s + more * T * BUMP_INTEGRAL(share)
+        angle[1] = rest + more * BUMP(share)
+        for order in range(2, FLAT_ORDERS):
+            angle[order] = more * BUMP.deriv(order - 1)(share) / T ** (order - 1)
+        angle *= np.sign(stop - start)
+        angle[0] += start
+        return angle
