@@ -41,7 +41,7 @@ from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
 QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
 
 EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
-LARGE_RAD = 0.5  # deviations of an angle beyond which effects no longer add up
+LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
 
 Progress = Callable[[float], None]
 
@@ -99,14 +99,15 @@ class Attribution:
 
     def note(self, quantity: str) -> str | None:
         """Why the rest is more than a tenth of the total; None if it is not."""
-        *effects, _, rest, total = self.tables[quantity]
+        *effects, _, rest, _ = self.tables[quantity]
         if rest.share is None or abs(rest.share) <= EXPLAINED_REST:
             return None
-        if QUANTITIES[quantity][1] == "rad" and total.rms > LARGE_RAD:
+        trailer = self.tables["theta2"][-1].rms
+        if trailer > LARGE_RAD:
             return (
-                f"the rest is large because {quantity} is {total.rms:.2g} rad apart: where small "
-                "effects decide which way an unstable or spinning trailer goes, they do not add "
-                "up; look at a shorter time (--set duration_s=...)"
+                f"the rest is large because the trailers are {trailer:.2g} rad apart and pull in "
+                "other directions: where small effects decide which way an unstable or spinning "
+                "trailer goes, they do not add up; look at a shorter time (--set duration_s=...)"
             )
         gross = sum(abs(row.contribution) for row in effects)
         return (
