@@ -154,6 +154,8 @@ class _State(NamedTuple):
 
 def _drive(start: _State, time_s: FloatArray, twist: FloatArray, swing: _Swing) -> _State:
     """The states at knots with twists (n, nsim, 2), from the state at the first."""
+    # Taylor series notice a spinning trailer by themselves, polynomials through nodes do not
+    swing.spin_rad_s = float(np.abs(start.hitch_rate[0])) if start.hitch_rate.size == 1 else 0.0
     stretches, knots, rule = _cut(time_s, twist, swing)
     path = (
         *_roll(stretches, rule, start),
@@ -231,6 +233,7 @@ class _Swing:
     def __init__(self, robot: RobotParameters) -> None:
         one, zero = np.ones(()), np.zeros(())
         self._length_m = robot.swing_length_m
+        self.spin_rad_s = 0.0  # how fast the hitch turns to begin with
         self._stiffness = -float(spring_damper_acceleration(one, zero, robot))  # [1/s²]
         self._damping = -float(spring_damper_acceleration(zero, one, robot))  # [1/s]
 
@@ -240,7 +243,7 @@ class _Swing:
         turn = np.abs(motion.u2) + motion.duration_s * np.abs(motion.u2_rate)
         field = (speed * turn + np.abs(motion.u1_rate)) / self._length_m + self._stiffness
         # a trailer that does not turn with the tractor sees the field turn
-        pace = np.maximum(np.sqrt(field), turn) + self._damping
+        pace = np.maximum(np.maximum(np.sqrt(field), turn), self.spin_rad_s) + self._damping
         return np.asarray((motion.duration_s * pace).max(axis=1))
 
     def integrate(
