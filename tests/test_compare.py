@@ -22,7 +22,7 @@ from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
-from ttwmr_mj.studies.compare.study import Options, compare_scenario, run_pair
+from ttwmr_mj.studies.compare.study import Options, compare_scenario, known_numbers, run_pair
 
 
 def open_loop(
@@ -86,7 +86,8 @@ def test_swapping_left_and_right_mirrors_the_result(plant: str) -> None:
     play = replay_contact if plant == "contact" else replay_analytic
     q, mirrored = play(scenario, commands).q, play(scenario, commands[:, ::-1]).q
     # MuJoCo sums contacts in the order of the geoms, so there the mirror is exact to rounding,
-    # which 6,000 steps of a free trailer amplify
+    # which 6,000 steps of a free trailer amplify. Where left and right of the robot are swapped as
+    # well, it is exact: test_contact_plant.py
     bound = 1e-9 if plant == "contact" else 0.0
     assert np.abs(mirrored - q * [1.0, -1.0, -1.0, -1.0]).max() <= bound
 
@@ -207,6 +208,26 @@ def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> 
     file.write_text(text)
     with pytest.raises(InputError, match=message):
         read_tolerances(file, ["theta2_deviation_max_rad"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(mode="closed_loop", real_wheels=True), "--real-wheels"),
+        (Options(validate_on="waypoints"), "add --fit"),
+        (Options(fit=True, validate_on="open_loop_turn"), "does not see"),
+    ],
+)
+def test_contradictions_are_refused(tmp_path: Path, options: Options, message: str) -> None:
+    from ttwmr_mj.scenario_file import load_scenario
+
+    with pytest.raises(InputError, match=message):
+        compare_scenario(load_scenario("open_loop_turn"), tmp_path, options)
+    assert not any(tmp_path.iterdir())
+
+
+def test_tolerances_are_known_before_anything_runs() -> None:
+    assert known_numbers() == list(run_pair(open_loop((0.1, 1.0, 1.0))).numbers)
 
 
 @pytest.mark.parametrize("mode", ["open_loop", "closed_loop"])

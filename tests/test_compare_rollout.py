@@ -74,6 +74,18 @@ def test_a_rollout_is_what_the_analytic_plant_does() -> None:
     np.testing.assert_allclose(q_rate[-1], plant.state().q_rate, rtol=0, atol=1e-8)
 
 
+@pytest.mark.parametrize("nsim", [1, 2])
+def test_a_spinning_trailer_is_followed(nsim: int) -> None:
+    rate = np.tile([[0.26, 0.0, 0.0, 20.0]], (nsim, 1))
+    start = RobotState(q=np.tile([[0.0, 0.0, 0.0, 0.3]], (nsim, 1)), q_rate=rate)
+    ends = []
+    for knots in (2, 3001):
+        time_s = np.linspace(0.0, 3.0, knots)[:, None]
+        history = WheelHistory(time_s, np.tile([10.0, 11.0], (knots, nsim, 1)))
+        ends.append(roll_out(ROBOT, start, history)[0][-1])
+    np.testing.assert_allclose(*ends, rtol=0, atol=1e-8)
+
+
 def test_finer_knots_on_the_same_lines_change_nothing() -> None:
     coarse = WheelHistory(np.array([[0.0], [2.0]]), np.array([[[4.0, 5.0]], [[6.0, 4.0]]]))
     share = np.linspace(0.0, 1.0, 2001)[:, None]

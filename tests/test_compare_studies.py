@@ -14,7 +14,7 @@ from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.scenario import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.studies.compare.attribution import QUANTITIES, attribute
+from ttwmr_mj.studies.compare.attribution import QUANTITIES, Attribution, Row, attribute
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
@@ -69,6 +69,20 @@ def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     shares = {row.name: row.share for row in table.tables["position"]}
     assert shares["servo"] == pytest.approx(1.0, abs=0.1)
     assert shares["rest"] == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_large_rest_is_explained() -> None:
+    def table(total: float, rest: float) -> Attribution:
+        part = Row("servo", 0.0, 0.0, total - rest, 1.0 - rest / total, total - rest)
+        none = Row("higher_interactions", None, None, 0.0, 0.0, 0.0)
+        left = Row("rest", None, None, rest, rest / total, rest)
+        whole = Row("total", None, None, total, 1.0, total)
+        return Attribution(("servo",), {"theta2": (part, none, left, whole)})
+
+    assert table(1.0, 0.09).note("theta2") is None
+    assert table(1e-3, 0.09e-3).as_json()["notes"] == {}
+    assert "they do not add up" in table(4.0, 1.7).as_json()["notes"]["theta2"]
+    assert "25.0 % of their sum" in str(table(1e-3, 0.2e-3).note("theta2"))
 
 
 @pytest.mark.slow

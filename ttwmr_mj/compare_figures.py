@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ttwmr_mj.studies.compare.attribution import Attribution
+    from ttwmr_mj.studies.compare.attribution import Attribution, Row
     from ttwmr_mj.studies.compare.convergence import Convergence
     from ttwmr_mj.studies.compare.fit import Fit
     from ttwmr_mj.studies.compare.study import Pair
@@ -168,10 +168,12 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         colours = [_bar_colour(row.name) for row in rows]
         bars = axes.barh(
             [NAMES[row.name] for row in rows],
-            [1e3 * row.contribution for row in rows],
+            # a negative nothing would put its label on the names
+            [0.0 if _is_nothing(row) else 1e3 * row.contribution for row in rows],
             color=colours,
         )
-        labels = ["" if row.share is None else f"{100 * row.share:.1f} %" for row in rows]
+        shares = [None if row.share is None else 100.0 * row.share for row in rows]
+        labels = ["" if share is None else f"{round(share, 1) + 0.0:.1f} %" for share in shares]
         axes.bar_label(bars, labels, padding=3, fontsize=7.5)
         axes.axvline(0.0, color="#222222", linewidth=0.8)
         name = {"position": "P", "theta2": "θ2"}[quantity]
@@ -179,6 +181,10 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         axes.margins(x=0.3)
         axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
+
+
+def _is_nothing(row: Row) -> bool:
+    return row.share is not None and abs(row.share) < 5e-4
 
 
 def _bar_colour(name: str) -> str:

@@ -5,9 +5,10 @@ The wheel speeds are known in advance, piecewise linear in time. Then only the h
 
     φ̈ = (u1·u2·cos φ − u̇1·sin φ)/k − u̇2 − (k_t·φ + c_t·φ̇)/(J2 + m2·l²)     (Eq. 17, 24, 27-28)
 
-and it is found over a whole window of time at once: on every stretch of it φ̈ is a polynomial
-through Gauss nodes, and Picard's iteration φ ← φ0 + ∬ φ̈(φ) is repeated until nothing changes. It
-converges for any window, the faster the shorter, and all of it is arithmetic on arrays.
+and a batch finds it stretch by stretch as a Taylor series (`taylor`). A single simulation, where
+every call into numpy costs more than its numbers, finds it over a whole window of time at once: on
+every stretch of it φ̈ is a polynomial through Gauss nodes, and Picard's iteration φ ← φ0 + ∬ φ̈(φ) is
+repeated until nothing changes. It converges for any window, the faster the shorter.
 """
 
 from __future__ import annotations
@@ -32,8 +33,7 @@ from ttwmr_mj.state import FloatArray, RobotState
 TOLERANCE_RAD = 2e-10  # change of φ at which the iteration ends; what is left is much less
 MAX_ITERATIONS = 60
 SMALL_RAD = 0.25  # below it a series of five terms is exact to 3e-13
-# Lengths in units of the swing's time scale. One simulation pays per call into numpy and takes long
-# windows of many nodes; a batch pays per number and takes short ones, which need fewer iterations.
+# Of Picard's windows: the length in units of the swing's time scale, and the most nodes.
 LONGEST_WINDOW = 8.0
 WINDOW_NODES = 96
 BLOCK_NUMBERS = 16_000  # knots times simulations that are worked on at once, to stay in the cache
@@ -154,6 +154,8 @@ class _State(NamedTuple):
 
 def _drive(start: _State, time_s: FloatArray, twist: FloatArray, swing: _Swing) -> _State:
     """The states at knots with twists (n, nsim, 2), from the state at the first."""
+    # Taylor series notice a spinning trailer by themselves, polynomials through nodes do not
+    swing.spin_rad_s = float(np.abs(start.hitch_rate[0])) if start.hitch_rate.size == 1 else 0.0
     stretches, knots, rule = _cut(time_s, twist, swing)
     path = (
         *_roll(stretches, rule, start),
@@ -231,6 +233,7 @@ class _Swing:
     def __init__(self, robot: RobotParameters) -> None:
         one, zero = np.ones(()), np.zeros(())
         self._length_m = robot.swing_length_m
+        self.spin_rad_s = 0.0  # how fast the hitch turns to begin with
         self._stiffness = -float(spring_damper_acceleration(one, zero, robot))  # [1/s²]
         self._damping = -float(spring_damper_acceleration(zero, one, robot))  # [1/s]
 
@@ -240,7 +243,7 @@ class _Swing:
         turn = np.abs(motion.u2) + motion.duration_s * np.abs(motion.u2_rate)
         field = (speed * turn + np.abs(motion.u1_rate)) / self._length_m + self._stiffness
         # a trailer that does not turn with the tractor sees the field turn
-        pace = np.maximum(np.sqrt(field), turn) + self._damping
+        pace = np.maximum(np.maximum(np.sqrt(field), turn), self.spin_rad_s) + self._damping
         return np.asarray((motion.duration_s * pace).max(axis=1))
 
     def integrate(

@@ -40,6 +40,9 @@ from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
 # The quantity's name, its columns of Deviation.q, its unit.
 QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
 
+EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
+LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
+
 Progress = Callable[[float], None]
 
 
@@ -91,7 +94,26 @@ class Attribution:
                 }
                 for row in rows
             }
-        return {"present": list(self.present), **tables}
+        notes = {name: note for name in self.tables if (note := self.note(name))}
+        return {"present": list(self.present), **tables, "notes": notes}
+
+    def note(self, quantity: str) -> str | None:
+        """Why the rest is more than a tenth of the total; None if it is not."""
+        *effects, _, rest, _ = self.tables[quantity]
+        if rest.share is None or abs(rest.share) <= EXPLAINED_REST:
+            return None
+        trailer = self.tables["theta2"][-1].rms
+        if trailer > LARGE_RAD:
+            return (
+                f"the rest is large because the trailers are {trailer:.2g} rad apart and pull in "
+                "other directions: where small effects decide which way an unstable or spinning "
+                "trailer goes, they do not add up; look at a shorter time (--set duration_s=...)"
+            )
+        gross = sum(abs(row.contribution) for row in effects)
+        return (
+            "the rest is large beside the total because effects cancel; it is "
+            f"{100 * abs(rest.contribution) / gross:.1f} % of their sum without signs"
+        )
 
 
 def attribute(

@@ -7,6 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.run_folder import write_json, write_manifest, write_resolved, write_text
 from ttwmr_mj.scenario import Scenario
 from ttwmr_mj.scenario_file import load_scenario
@@ -142,15 +146,16 @@ def compare_scenario(
         RunError: a run broke.
     """
     refuse_unlike(scenario)
+    _refuse_contradictions(options)
     unseen = _unseen(scenario, options) if options.fit else None
+    tolerances = {}
+    if options.tolerance:
+        tolerances = gate.read_tolerances(options.tolerance, known_numbers())
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
     pair = run_pair(
         scenario, options.mode, real_wheels=options.real_wheels, scenario_folder=scenario_folder
     )
-    tolerances = {}
-    if options.tolerance:
-        tolerances = gate.read_tolerances(options.tolerance, pair.numbers)
     found = gate.breaches(tolerances, pair.numbers)
     parts = _Parts(progress, options.attribute + options.converge + options.fit)
     commands = pair.contact.commands
@@ -192,6 +197,23 @@ def compare_scenario(
     return Comparison(folder, report, found)
 
 
+def known_numbers() -> list[str]:
+    """The keys a tolerance may be given for, before anything has run."""
+    zero, contacts = np.zeros(1), np.zeros((1, len(CONTACTS)))
+    deviation = Deviation(zero, np.zeros((1, 4)), zero, zero)
+    return [*deviation.numbers(), *Residuals(zero, contacts, contacts, zero, zero, zero).numbers()]
+
+
+def _refuse_contradictions(options: Options) -> None:
+    if options.real_wheels and options.mode == "closed_loop":
+        raise InputError(
+            "--real-wheels: drives the analytic model in the open loop; with --mode closed_loop "
+            "its own controller does: leave one of them out"
+        )
+    if options.validate_on and not options.fit:
+        raise InputError(f"--validate-on {options.validate_on}: there is no fit: add --fit")
+
+
 def _driver(options: Options) -> str:
     if options.mode == "closed_loop":
         return "its own controller"
@@ -202,6 +224,11 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     """The scenario that the fit is validated on, driven by the robot that was fitted."""
     name = options.validate_on or next(name for name in UNSEEN if name != scenario.name)
     other = load_scenario(name)
+    if other.name == scenario.name:
+        raise InputError(
+            f"--validate-on {name}: the fit is made on {scenario.name}, a validation needs a "
+            "scenario that it does not see: name another"
+        )
     refuse_unlike(other)
     return other.model_copy(
         update={"robot": scenario.robot, "plant": scenario.plant, "control": scenario.control}

@@ -46,7 +46,7 @@ def attribution_rows(report: dict[str, Any], quantity: str) -> list[tuple[str, s
     for name, row in report["attribution"][quantity].items():
         if name == "present":
             continue
-        share = "" if row["share"] is None else f"{100 * row['share']:.1f} %"
+        share = "" if row["share"] is None else f"{round(100 * row['share'], 1) + 0.0:.1f} %"
         rows.append(
             (
                 NAMES[name],
@@ -72,6 +72,7 @@ def plain(report: dict[str, Any]) -> str:
                 lines.append(
                     f"  {row[0]:34s} {row[1]:>9s} {row[2]:>12s} {row[3]:>15s} {row[4]:>9s}"
                 )
+            lines += _note(report, quantity)
     if report["convergence"]:
         orders = report["convergence"]["order"]
         finest = report["convergence"]["position_deviation_per_path"][-1]
@@ -107,7 +108,13 @@ def markdown(report: dict[str, Any]) -> str:
         for quantity in ("position", "theta2"):
             lines += ["", f"Where the deviation of {quantity} comes from", ""]
             lines += _table(HEAD, attribution_rows(report, quantity))
+            lines += ["", *_note(report, quantity)]
     return "\n".join(lines) + "\n"
+
+
+def _note(report: dict[str, Any], quantity: str) -> list[str]:
+    note = report["attribution"]["notes"].get(quantity)
+    return [f"  {note}"] if note else []
 
 
 def _number(value: float | None) -> str:
