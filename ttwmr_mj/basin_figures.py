@@ -10,7 +10,7 @@ from ttwmr_mj.figures import STYLE
 from ttwmr_mj.studies.basin import Basin
 
 LOST = "#ded9d2"  # a warm grey, behind the colours of what was caught
-GIVEN = (50.0, np.degrees(0.2))  # mm, degrees: the start that the shipped scenarios have
+GIVEN = (-50.0, np.degrees(0.2))  # mm, degrees: where the shipped scenario starts
 
 
 def write_basin_figure(basins: dict[str, Basin], path: Path, title: str) -> None:
@@ -54,7 +54,7 @@ def write_basin_figure(basins: dict[str, Basin], path: Path, title: str) -> None
         panels[0].set_ylabel("θ2 off [°]")
         bar = figure.colorbar(mesh, ax=list(panels), pad=0.015, aspect=28)
         bar.set_label("caught after [s], grey: lost")
-        figure.suptitle(f"{title}   (○ start of the shipped scenarios)", fontsize=14)
+        figure.suptitle(f"{title}   (○ start of the shipped scenario)", fontsize=14)
         temporary = path.with_name(f".{path.stem}.part{path.suffix}")
         figure.savefig(temporary, dpi=150)
     temporary.replace(path)
