@@ -106,21 +106,18 @@ class Experiment:
         if report:
             sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, nsim))
+        stillborn = self._start(
+            Task(scenario.robot, self.reference, period, nsim, rng["controller"])
+        )
         rows = self._blank_rows()
         ends: dict[int, Outcome] = {}
         done, reported = 0, 0
-        # a batch asks for as many answers at once
-        deadline = Deadline(nsim * scenario.control.controller_time_limit_s)
-        try:
-            self._controller.start(
-                Task(scenario.robot, self.reference, period, nsim, rng["controller"])
-            )
-        except InputError:
-            raise
-        except (Exception, SystemExit) as error:  # a controller of the user's may raise anything
-            _end_all(ends, nsim, Outcome("failed", f"at its start {_raised(error)}", 0.0, error))
         watch = Stopwatch()
         last_report = perf_counter()
+        if stillborn:
+            _end_all(ends, nsim, stillborn)
+        # a batch asks for as many answers at once
+        deadline = Deadline(nsim * scenario.control.controller_time_limit_s)
         deadline.arm()
         try:
             for k in range(scenario.periods + 1):
@@ -181,6 +178,16 @@ class Experiment:
             outcomes=tuple(ends[i] for i in range(nsim)),
             wall_time_s=dict(watch.parts),
         )
+
+    def _start(self, task: Task) -> Outcome | None:
+        """Start the controller; how the run ends already if that breaks."""
+        try:
+            self._controller.start(task)
+        except InputError:
+            raise
+        except (Exception, SystemExit) as error:  # a controller of the user's may raise anything
+            return Outcome("failed", f"at its start {_raised(error)}", 0.0, error)
+        return None
 
     def _blank_rows(self) -> Trajectory:
         """Rows for the whole run with times and reference filled in."""

@@ -23,9 +23,9 @@ RULES = (
     "Errors are rms over the second half of a run; over seeds the median, “worst” the worst.",
     "“trailer” is its centre of mass; “settled” the time from which P stays within 10 mm, “–” if "
     "it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if it broke off, or is lost: it came to its end with a steady rms error of "
-    f"the trailer's centre of oscillation beyond {LOST_CENTRE_M:g} m, or of P beyond "
-    f"{LOST_P_M:g} m where the reference has no trailer. Failures count both.",
+    "A run has failed if it broke off, or is lost: it came to its end, but in the last fifth of it "
+    f"the trailer's centre of oscillation was once more than {LOST_CENTRE_M:g} m off, or P more "
+    f"than {LOST_P_M:g} m where the reference has no trailer. Failures count both.",
     "Numbers are over the runs that came to their end, lost ones too.",
     "Ranked by failures, then by the trailer's error.",
     "Control time is wall time per sample on the machine as it was, several runs at once.",

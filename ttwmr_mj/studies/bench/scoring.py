@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.metrics import Metrics, score
+from ttwmr_mj.metrics import Metrics, point_behind, score
 from ttwmr_mj.scenario_file import load_scenario
 from ttwmr_mj.studies.bench.execute import is_finished, row_folder
 from ttwmr_mj.studies.bench.suite import AXES, Row, Suite, rows_of
-from ttwmr_mj.trajectory import read_parquet
+from ttwmr_mj.trajectory import Trajectory, read_parquet
 
 # column → (metric, scale, how seeds are combined)
 COLUMNS: dict[str, tuple[str, float, str]] = {
@@ -31,10 +33,12 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
 }
 RANKED_BY = "trailer rms, mm"
 SETTLING = "settling_time_s"
-# A run that comes to its end is lost if its steady error is beyond these: two thirds of the
-# trailer's length, and the size of the references.
-LOST_CENTRE_M = 0.1  # rms of the trailer's centre of oscillation, where the reference has one
-LOST_P_M = 0.5  # rms of P, where it has none
+# A run that comes to its end is lost if its largest error in the last share of it is beyond these:
+# two thirds of the trailer's length, and the size of the references.
+LAST_SHARE = 0.2
+LAST_CENTRE, LAST_P = "last_centre_of_oscillation_max_error_m", "last_tractor_max_error_m"
+LOST_CENTRE_M = 0.1  # of the trailer's centre of oscillation, where the reference has one
+LOST_P_M = 0.5  # of P, where it has none
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,22 +127,37 @@ def _scored(row: Row, folder: Path) -> dict[str, Any]:
 
 def lost_reason(numbers: Metrics) -> str:
     """Why a run that came to its end counts as lost; empty if it does not."""
-    centre, tractor = (
-        numbers.get(f"steady_{name}_rmse_m") for name in ("centre_of_oscillation", "tractor")
-    )
+    centre, tractor = numbers.get(LAST_CENTRE), numbers.get(LAST_P)
     if centre is not None:
         where, error, limit = "the trailer's centre of oscillation", centre, LOST_CENTRE_M
     else:
         where, error, limit = "P", tractor or 0.0, LOST_P_M
-    return f"lost: steady error of {where} {error:.2g} m > {limit:g} m" if error > limit else ""
+    return f"lost: error of {where} at the end {error:.2g} m > {limit:g} m" if error > limit else ""
 
 
 def _numbers(folder: Path) -> Metrics:
     """The metrics of a run, scored afresh; the control time is as it was measured."""
     robot = load_scenario(str(folder / "scenario.resolved.toml")).robot
-    fresh = score(read_parquet(folder / "trajectory.parquet"), robot)
+    trajectory = read_parquet(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
-    return {**fresh, "control_time_per_sample_us": stored["control_time_per_sample_us"]}
+    return {
+        **score(trajectory, robot),
+        LAST_CENTRE: _last_error(trajectory, robot.swing_length_m),
+        LAST_P: _last_error(trajectory, 0.0),
+        "control_time_per_sample_us": stored["control_time_per_sample_us"],
+    }
+
+
+def _last_error(trajectory: Trajectory, behind_m: float) -> float | None:
+    """Largest error of a point behind P in the last share of a run [m]; None if undefined."""
+    rows = slice(int((1.0 - LAST_SHARE) * len(trajectory)), None)
+    q, aim = trajectory.q[rows, 0], trajectory.ref_q[rows, 0]
+    if behind_m == 0.0:  # P has an aim where θ2 has none
+        miss = (q - aim)[:, :2]
+    else:
+        miss = point_behind(q, behind_m) - point_behind(aim, behind_m)
+    largest = float(np.hypot(miss[:, 0], miss[:, 1]).max())
+    return largest if math.isfinite(largest) else None
 
 
 def _line(names: tuple[str, ...], rows: list[dict[str, Any]]) -> Line:
