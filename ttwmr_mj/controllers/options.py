@@ -37,6 +37,9 @@ class FrictionOptions(Config):
     dry: Literal["ignored", "model"] = Field(
         default="model", description="ignored, or compensated with the robot's own figure"
     )
+    believed_share: float = Field(
+        default=1.0, ge=0, le=10, description="of the robot's own figure: 0.7 believes 30 % less"
+    )
     smoothing_rad_s: float = Field(
         default=0.05, gt=0, le=10, description="hitch rate at which friction counts as full"
     )

@@ -42,7 +42,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray
 
-FITTING_PASSES = 3
+FITTING_PASSES = 30
+FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
+STEP_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a Gauss-Newton step
 
 
 class Tvlqr(Controller):
@@ -55,14 +57,14 @@ class Tvlqr(Controller):
         """Fit the reference, compute the gains; InputError if there is no θ2 to track."""
         if task.reference is None:
             raise InputError("controller.kind = 'tvlqr' needs a reference; got kind = 'none'")
-        self._friction = HitchFriction(task.robot, self._options.friction)
-        self._model = SampledModel(self._friction.believed, task.sampling_time_s)
+        friction = HitchFriction(task.robot, self._options.friction)
+        self._model = SampledModel(friction.believed, task.sampling_time_s)
         self._observer = Observer(task.robot, self._model, self._options.observer)
-        smooth = SampledModel(self._friction.smooth, task.sampling_time_s)
+        smooth = friction.planning(task.sampling_time_s)
         problem = TrackingProblem(task.robot, smooth, self._options.weights)
         decay = np.exp(-task.sampling_time_s / self._options.disturbance_time_s)
         target = problem.target(task.reference)
-        self._state, self._command = fit(problem, target, FITTING_PASSES)
+        self._state, self._command = fit(problem, target)
         linear = problem.linearise(self._state[:-1], self._command)
         self._gain = with_disturbances(problem, linear, self._state, decay).gain
         self._robot = task.robot
@@ -70,7 +72,7 @@ class Tvlqr(Controller):
     def command(self, k: int, estimate: Estimate) -> Command:
         """ū + K·(x − x̄), within the servos' limits."""
         seen = self._observer.update(estimate)
-        miss = error(seen, self._state[k], seen.swing + self._friction.swing(seen))
+        miss = error(seen, self._state[k], seen.swing)
         wish = self._command[k] + apply(self._gain[k], miss)
         command = possible_command(wish, seen.wheels, self._model, self._robot)
         self._observer.commanded(command.wheel_speed_rad_s)
@@ -89,31 +91,51 @@ def apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
-def fit(problem: TrackingProblem, target: Target, passes: int) -> tuple[FloatArray, FloatArray]:
-    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target."""
+def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArray]:
+    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
+
+    Gauss-Newton with a line search, until the cost falls by less than a share of FITTED, but no
+    more than FITTING_PASSES times.
+    """
     state, command = target.state, target.command
     samples = slice(0, len(command))
     by_input = problem.residual_by_command()
-    for _ in range(passes):
+    cost = np.full(state.shape[1], np.inf)
+    for _ in range(FITTING_PASSES):
         linear = problem.linearise(state[:-1], command)
         residual = problem.residual(state[:-1], command, target, samples)
         by_state = problem.residual_by_state(state[:-1])
         final = np.zeros_like(linear.A[0])
         policy = backward(linear.A, linear.B, by_state, by_input, residual, final)
-        state, command = _rollout(problem, policy, state, command)
+        states, commands = _rollouts(problem, policy, state, command)
+        aims = Target(*(values[:, None] for values in target))
+        costs = (problem.residual(states[:-1], commands, aims, samples) ** 2).sum(axis=(0, -1))
+        best, each = np.argmin(costs, axis=0), np.arange(state.shape[1])
+        last, cost = cost, costs[best, each]
+        state, command = states[:, best, each], commands[:, best, each]
+        if not (cost < (1.0 - FITTED) * last).any():
+            break
     return state, command
 
 
-def _rollout(
+def _rollouts(
     problem: TrackingProblem, policy: Policy, state: FloatArray, command: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The sampled model under a policy about (state, command), from the same start."""
-    now, states, commands = state[0], [state[0]], []
+    """The sampled model under a policy about (state, command), from the same start.
+
+    Returns:
+        states (n, lengths, batch, 7) and commands (n − 1, lengths, batch, 2), one for every length
+        of the policy's feedforward.
+    """
+    count = (STEP_LENGTHS.size, state.shape[1])
+    now = np.broadcast_to(state[0], (*count, STATES))
+    states, commands = np.empty((len(state), *count, STATES)), np.empty((len(command), *count, 2))
+    states[0] = now
     for k in range(len(command)):
-        commands.append(command[k] + policy.feedforward[k] + apply(policy.gain[k], now - state[k]))
-        now = problem.next_state(now, commands[-1])
-        states.append(now)
-    return np.stack(states), np.stack(commands)
+        push = STEP_LENGTHS[:, None, None] * policy.feedforward[k]
+        commands[k] = command[k] + push + apply(policy.gain[k], now - state[k])
+        now = states[k + 1] = problem.next_state(now, commands[k])
+    return states, commands
 
 
 def with_disturbances(
