@@ -6,8 +6,11 @@ that counts on the sliding value would push too hard or, with the sign of a nois
 between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck hitch counts
 as free, and breaks away by the error that grows meanwhile.
 
-A law that plans (`planning`) has this smooth friction in its model, so that references, gains and
-predictions are those of a robot with friction; a law that feeds forward adds `swing` to θ̈2.
+References, and mpc's predictions, are made on a model with this smooth friction (`planning`): they
+are those of a robot with friction. Gains that are computed once are those of a free hitch: about
+a hitch that does not turn, smooth friction is a strong damper, and gains that count on a damper
+that a sliding hitch lacks are unstable. There, what friction does beyond what it does along the
+reference is fed forward as an extra θ̈2 (`swing`).
 """
 
 from __future__ import annotations
@@ -37,10 +40,23 @@ class HitchFriction:
         self._size = dry / robot.swing_inertia_kg_m2
 
     def planning(self, period_s: float, substep_s: float = SUBSTEP_S) -> SampledModel:
-        """The sampled model with smooth friction: what can be linearised."""
+        """The sampled model with smooth friction: what can be differentiated."""
         return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s)
 
+    def free(self, period_s: float) -> SampledModel:
+        """The sampled model without dry friction."""
+        hitch = self.believed.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
+        return SampledModel(self.believed.model_copy(update={"hitch": hitch}), period_s)
+
     def swing(self, seen: Seen) -> FloatArray:
-        """(nsim,) θ̈2 that smoothed dry friction causes [rad/s²]."""
-        slide = seen.body[:, 4] - wheels_turn(seen.wheels, self.believed) - seen.slip[:, 2]
+        """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
+        return self._swing(
+            seen.body[:, 4] - wheels_turn(seen.wheels, self.believed) - seen.slip[:, 2]
+        )
+
+    def swing_along(self, state: FloatArray) -> FloatArray:
+        """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
+        return self._swing(state[..., 4] - wheels_turn(state[..., 5:], self.believed))
+
+    def _swing(self, slide: FloatArray) -> FloatArray:
         return np.asarray(-self._size * slide / np.hypot(slide, self._scale_rad_s))

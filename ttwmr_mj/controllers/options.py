@@ -49,8 +49,12 @@ class FlatnessController(Config):
     """Dynamic feedback linearisation of the trailer's centre of oscillation."""
 
     kind: Literal["flatness"]
-    bandwidth_per_s: float = Field(
-        default=3.5, gt=0, le=30, description="λ: the error obeys (s + λ)⁴, nearly"
+    bandwidth_per_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=30,
+        description="λ: the error obeys (s + λ)⁴, nearly; left out: 3.5 times the mean turn rate "
+        "of the reference's trailer",
     )
     integral_share: float = Field(
         default=0.15, ge=0, le=0.5, description="κ: the error's integral settles at κλ"

@@ -57,7 +57,7 @@ class Tvlqr(Controller):
         """Fit the reference, compute the gains; InputError if there is no θ2 to track."""
         if task.reference is None:
             raise InputError("controller.kind = 'tvlqr' needs a reference; got kind = 'none'")
-        friction = HitchFriction(task.robot, self._options.friction)
+        self._friction = friction = HitchFriction(task.robot, self._options.friction)
         self._model = SampledModel(friction.believed, task.sampling_time_s)
         self._observer = Observer(task.robot, self._model, self._options.observer)
         smooth = friction.planning(task.sampling_time_s)
@@ -65,14 +65,19 @@ class Tvlqr(Controller):
         decay = np.exp(-task.sampling_time_s / self._options.disturbance_time_s)
         target = problem.target(task.reference)
         self._state, self._command = fit(problem, target)
-        linear = problem.linearise(self._state[:-1], self._command)
-        self._gain = with_disturbances(problem, linear, self._state, decay).gain
+        free = TrackingProblem(
+            task.robot, friction.free(task.sampling_time_s), self._options.weights
+        )
+        linear = free.linearise(self._state[:-1], self._command)
+        self._gain = with_disturbances(free, linear, self._state, decay).gain
+        self._swing = friction.swing_along(self._state)
         self._robot = task.robot
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """ū + K·(x − x̄), within the servos' limits."""
         seen = self._observer.update(estimate)
-        miss = error(seen, self._state[k], seen.swing)
+        swing = seen.swing + self._friction.swing(seen) - self._swing[k]
+        miss = error(seen, self._state[k], swing)
         wish = self._command[k] + apply(self._gain[k], miss)
         command = possible_command(wish, seen.wheels, self._model, self._robot)
         self._observer.commanded(command.wheel_speed_rad_s)
