@@ -1,8 +1,9 @@
 """Model predictive control: the coming second, optimised anew every period.
 
 Minimises the stage cost of `tracking_problem` over a horizon on the sampled nonlinear model, from
-the observer's state and with its disturbances taken to last, under the servos' limits. The cost
-beyond the horizon is the cost to go of the time-varying LQR about the reference.
+the observer's state and with its disturbances taken to last, under the servos' limits and with the
+hitch's dry friction, smoothed, in the model. The cost beyond the horizon is the cost to go of the
+time-varying LQR about the reference.
 
 Every period: linearise along the last plan, make one Gauss-Newton step by the Riccati recursion,
 roll its policy out from where the robot really is, for a few lengths of the step and with commands
@@ -13,10 +14,11 @@ Stability: locally, in the classical way. The final cost is a Lyapunov function 
 loop under the LQR law, which is feasible near the reference; so the last plan continued by that law
 costs less than the last plan by one stage cost, and the step kept costs no more than it, to first
 order in what one period's surprise was (length zero is among the candidates): the cost to go
-decreases along the loop. It assumes what the
-time-varying LQR assumes near the reference (P moves, the reference is feasible with room to spare);
-far from it there is no proof, but the nonlinear model and the limits are in the plan, which is what
-a linear law lacks.
+decreases along the loop. It assumes what the time-varying LQR assumes near the reference (P moves,
+the reference is feasible with room to spare), and a hitch that slides or friction that is smooth on
+the scale of one step: a hitch that sticks ends where friction lets go of the error. Far from the
+reference there is no proof, but the nonlinear model and the limits are in the plan, which is what a
+linear law lacks.
 
 Time: a command that takes longer than a period comes too late on a real robot. The run counts such
 overruns (`control_overruns` in metrics.json); the command is used all the same, so that results do

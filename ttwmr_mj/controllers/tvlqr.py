@@ -1,9 +1,10 @@
 """Time-varying linear-quadratic control along any reference that a free trailer can follow.
 
 Before the run the reference is made exact for the sampled robot: Gauss-Newton steps (the same
-Riccati recursion with its affine terms) find the commands, held over a period, whose trajectory on
-the sampled hybrid model stays closest to it. About that trajectory the model is linearised and the
-recursion run backwards, from beyond the end, which gives the gains u_k = ū_k + K_k·(x_k − x̄_k).
+Riccati recursion with its affine terms, and a line search) find the commands, held over a period,
+whose trajectory on the sampled hybrid model, its hitch friction smoothed, stays closest to it. The
+model without dry friction is linearised about that trajectory and the recursion run backwards, from
+beyond the end, which gives the gains u_k = ū_k + K_k·(x_k − x̄_k). Why without: `friction`.
 
 What the observer found of creep and of an unexplained θ̈2 enters as four more states that decay
 slowly and that no input moves: the recursion then finds the command that makes up for them, and no
@@ -14,7 +15,9 @@ the pair (A_k, B_k) is uniformly controllable, with V = δxᵀP_k·δx as Lyapun
 by the stage cost, in which δx is observable through F and θ). It is controllable while P moves and
 turns; at standstill it is not (a robot that stands cannot correct its position sideways), so a
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
-locally, while no servo saturates and the model is right between samples.
+locally, while no servo saturates and the model is right between samples. Dry friction that the
+robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
+What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
 """
 
 from __future__ import annotations
