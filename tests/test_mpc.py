@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import logging
+import json
 from pathlib import Path
 
 import numpy as np
@@ -15,9 +15,11 @@ from ttwmr_mj.controllers.options import MpcController, TvlqrController
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.experiment import Experiment
 from ttwmr_mj.metrics import score
+from ttwmr_mj.run import result_text, run_scenario
 from ttwmr_mj.scenario import Scenario
 from ttwmr_mj.scenario_file import load_scenario
 from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.trajectory import read_parquet
 
 PERIOD = 0.033
 MPC = MpcController(kind="mpc", horizon_samples=20)
@@ -93,22 +95,22 @@ def test_a_batch_is_its_single_runs() -> None:
     assert np.isfinite(batch.q).all()
 
 
-def test_overruns_are_counted_and_logged_and_change_nothing(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+def test_overruns_are_counted_and_reported_and_change_nothing(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    scenario = with_mpc("outer_circle", "plant.kind=analytic", "duration_s=0.4")
+    quiet = ["output.recording=false", "output.figures=false"]
+    scenario = with_mpc("outer_circle", "plant.kind=analytic", "duration_s=0.4", *quiet)
     usual = Experiment(scenario).run().trajectory
-    clock = iter(0.04 * np.arange(1000))  # every command takes 40 ms
-    monkeypatch.setattr("ttwmr_mj.controllers.mpc.perf_counter", lambda: next(clock))
-    experiment = Experiment(scenario)
-    with caplog.at_level(logging.WARNING):
-        late = experiment.run().trajectory
-    controller = experiment._controller
-    assert isinstance(controller, Mpc)
-    assert controller.overruns == len(late)
-    assert controller.slowest_s == pytest.approx(0.04)
-    assert "took 40.0 ms of a period of 33.0 ms (overrun 1)" in caplog.text
-    assert np.array_equal(late.q, usual.q)
+    clock = iter(0.04 * np.arange(10_000))  # every command takes 40 ms
+    monkeypatch.setattr("ttwmr_mj.stopwatch.perf_counter", lambda: next(clock))
+    metrics = run_scenario(scenario, tmp_path).metrics
+    assert metrics["control_overruns"] == len(usual)
+    assert metrics["control_slowest_s"] == pytest.approx(0.04)
+    assert json.loads((tmp_path / "metrics.json").read_text())["control_overruns"] == len(usual)
+    text = result_text(scenario, metrics)
+    assert f"commands later than a period | {len(usual)} |" in text
+    assert "slowest command | 40 ms |" in text
+    assert np.array_equal(read_parquet(tmp_path / "trajectory.parquet").q, usual.q)
 
 
 def test_it_needs_a_reference() -> None:

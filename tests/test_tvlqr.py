@@ -135,7 +135,7 @@ def test_a_fitted_reference_is_a_trajectory_of_the_sampled_model() -> None:
     task = problem()
     path = Planned(plan="figure_eight", robot=ROBOT).sample(PERIOD * np.arange(200))
     target = task.target(path)
-    state, command = fit(task, target, 3)
+    state, command = fit(task, target)
     after = task.next_state(state[:-1], command)
     assert after == pytest.approx(state[1:], abs=1e-12)
     miss = np.linalg.norm(task.centre(state) - target.centre, axis=-1)

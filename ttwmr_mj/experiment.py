@@ -56,11 +56,13 @@ class Result:
         outcomes: how each simulation ended.
         wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
             (bookkeeping), "report".
+        control_time_s: (n,) wall time of every command, the whole batch's.
     """
 
     trajectory: Trajectory
     outcomes: tuple[Outcome, ...]
     wall_time_s: dict[str, float]
+    control_time_s: FloatArray
 
 
 Report = Callable[[Trajectory], None]
@@ -112,6 +114,7 @@ class Experiment:
         rows = self._blank_rows()
         ends: dict[int, Outcome] = {}
         done, reported = 0, 0
+        control_time_s: list[float] = []
         watch = Stopwatch()
         last_report = perf_counter()
         if stillborn:
@@ -134,7 +137,7 @@ class Experiment:
                     break
                 watch.lap("loop")
                 estimate = sensor.observe(truth)
-                watch.lap("sensing")
+                asked = watch.lap("sensing")
                 try:
                     with deadline:
                         command = self._controller.command(k, estimate)
@@ -144,7 +147,7 @@ class Experiment:
                     reason = _broken(error, k * period, deadline.limit_s)
                     _end_all(ends, nsim, Outcome("failed", reason, k * period, error))
                     break
-                watch.lap("controller")
+                control_time_s.append(watch.lap("controller") - asked)
                 rows.est_q[k], rows.est_q_rate[k] = estimate.state.q, estimate.state.q_rate
                 rows.est_valid[k] = estimate.valid
                 age = estimate.measurement_age_s
@@ -177,6 +180,7 @@ class Experiment:
             trajectory=trajectory,
             outcomes=tuple(ends[i] for i in range(nsim)),
             wall_time_s=dict(watch.parts),
+            control_time_s=np.array(control_time_s),
         )
 
     def _start(self, task: Task) -> Outcome | None:

@@ -131,6 +131,7 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "end_time_s": outcome.time_s,
         **numbers,
         "control_time_per_sample_us": _control_time_us(result),
+        **_control_overruns(result, scenario.control.sampling_time_s),
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
     }
@@ -139,6 +140,19 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
 def _control_time_us(result: Result) -> float:
     """Mean wall time of the controller per control sample [µs]."""
     return 1e6 * result.wall_time_s.get("controller", 0.0) / max(len(result.trajectory), 1)
+
+
+def _control_overruns(result: Result, period_s: float) -> dict[str, Any]:
+    """Commands that took longer than a period, on this machine under its load, and the slowest.
+
+    On a real robot they would have come too late. Here they are used all the same, so that results
+    do not depend on the machine.
+    """
+    took = result.control_time_s
+    return {
+        "control_overruns": int((took > period_s).sum()),
+        "control_slowest_s": float(took.max()) if took.size else None,
+    }
 
 
 def _reporter(
@@ -236,12 +250,14 @@ RESULT_ROWS = (
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
     ("near_singular_share", "near-singular samples", 100.0, "%"),
+    ("control_overruns", "commands later than a period", 1.0, ""),
+    ("control_slowest_s", "slowest command", 1e3, "ms"),
 )
 
 
 def in_unit(value: float | None, scale: float, unit: str) -> str:
     """A metric for reading: three digits and its unit, or the word undefined."""
-    return "undefined" if value is None else f"{value * scale:.3g} {unit}"
+    return "undefined" if value is None else f"{value * scale:.3g} {unit}".rstrip()
 
 
 def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:

@@ -21,10 +21,17 @@ trailer, and so must the integral; the factor (λ + iω)⁴ undoes the chain's d
 
 Stability: with D = d/dt, (D + λ)⁴(D − iω)·e + κλ(λ + iω)⁴·e = 0 at constant ω. At κ = 0 its roots
 are −λ, four times, and the integral's iω, which moves to iω − κλ to first order in κ; at ω = 0 all
-are stable up to κ = 0.57. So e → 0 exponentially for small κ. It assumes that a ≠ 0 (else θ2 is
+are stable up to κ = 0.57. So e → 0 exponentially for small κ. λ is in proportion to the reference's
+turn rate, so that an error of some share of the reference asks for that share of its accelerations,
+slow or fast. The argument assumes that a ≠ 0 (else θ2 is
 undefined: a is kept above a share of the reference's), a period short against 1/λ, no saturated
 wheel, P' ≠ 0, and that d changes slowly. The whole state is covered: F, F', F'', F''' determine P,
 P', θ2 and θ̇2, and θ1 follows P'. There are no zero dynamics, trailer outside or inside.
+
+Where wheels are cut, P nearly stands, a is held from zero or F'' is far off for some samples in a
+row, the law does not go on pulling at the reference: it follows a way back that the servos can
+drive (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
+circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: docs/controllers.md.
 """
 
 from __future__ import annotations
@@ -35,14 +42,17 @@ from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.controllers.friction import HitchFriction
 from ttwmr_mj.controllers.observer import Observer, Seen, wheels_turn
 from ttwmr_mj.controllers.options import FlatnessController
+from ttwmr_mj.controllers.transition import WaysBack
 from ttwmr_mj.controllers.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.flatness import ComplexArray, dot, trailer_axes
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
+BANDWIDTH = 3.5  # λ in turn rates of the reference's trailer, where none is given
+FAR = 0.4  # error of F'', as a share of F'', from which on another way back is looked for
 LEAST_ACCELERATION_M_S2 = 1e-3  # of F in a reference; slower circles have hardly any authority
 
 
@@ -80,15 +90,30 @@ class Flatness(Controller):
         self._wheels = AccelerationToWheels(robot, task.sampling_time_s, task.nsim)
         self._robot = robot
         self._along = np.broadcast_to(along[0], (task.nsim,)).copy()
-        self._along_rate = np.broadcast_to(dot(self._flat[0, :, 3], direction[0]), (task.nsim,))
+        self._along_rate = np.broadcast_to(
+            dot(self._flat[0, :, 3], direction[0]), (task.nsim,)
+        ).copy()
         self._turn = task.reference.theta_rate[:, :, 1]
         self._integral: ComplexArray = np.zeros(task.nsim, dtype=np.complex128)
+        turn = float(np.abs(self._turn).mean())
+        self._bandwidth = self._options.bandwidth_per_s or BANDWIDTH * turn
+        self._trouble: BoolArray = np.zeros(task.nsim, dtype=np.bool_)
+        self._ways = WaysBack(
+            self._flat,
+            self._least,
+            float(self._sign[0]),
+            turn,
+            robot,
+            task.sampling_time_s,
+            task.nsim,
+        )
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law."""
         seen = self._observer.update(estimate)
         rate, T = seen.body[:, 4], self._period
         swing = seen.swing + self._hitch(seen)
+        self._change_way(k, seen)
         s, error = self._fourth_derivative(k, seen, swing)
         t, n = trailer_axes(seen.body[:, 3])
         a, a_rate, pull = self._along, self._along_rate, self._length * swing
@@ -102,9 +127,10 @@ class Flatness(Controller):
         command = self._wheels.command(acceleration, self._state(seen))
         after = self._observer.commanded(command.wheel_speed_rad_s)
         self._along, self._along_rate = a + T * a_rate + 0.5 * T * T * bend, a_rate + T * bend
-        self._hold_to_the_possible(k, seen, after, command)
-        rate_per_s = self._options.integral_share * self._options.bandwidth_per_s
-        self._integral = self._integral + T * rate_per_s * error * ~command.saturated
+        held = self._hold_to_the_possible(k, seen, after, command)
+        self._trouble = self._trouble | held | command.saturated | command.near_singular
+        share = self._options.integral_share * self._bandwidth
+        self._integral = self._integral + T * share * error * ~command.saturated
         return command
 
     def _hitch(self, seen: Seen) -> FloatArray:
@@ -116,8 +142,8 @@ class Flatness(Controller):
     def _fourth_derivative(
         self, k: int, seen: Seen, swing: FloatArray
     ) -> tuple[FloatArray, ComplexArray]:
-        """S (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
-        reference = self._flat[k]
+        """Choice s (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
+        reference = self._ways.reference(k)
         rate, a, pull = seen.body[:, 4], self._along, self._length * swing
         t, n = trailer_axes(seen.body[:, 3])
         velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
@@ -126,14 +152,29 @@ class Flatness(Controller):
         e2 = a[:, None] * t - pull[:, None] * n - reference[:, 2]
         e3 = (self._along_rate + pull * rate)[:, None] * t + (a * rate)[:, None] * n
         e3 = e3 - reference[:, 3]
-        w = self._options.bandwidth_per_s
+        self._trouble = np.hypot(*e2.T) > FAR * np.hypot(*reference[:, 2].T)
+        w = self._bandwidth
         s = reference[:, 4] - 4 * w * e3 - 6 * w**2 * e2 - 4 * w**3 * e1 - w**4 * e
         i = (w + 1j * self._turn[k]) ** 4 * self._integral
         s = s - i.real[:, None] * t - i.imag[:, None] * n
         return s, dot(e, t) + 1j * dot(e, n)
 
-    def _hold_to_the_possible(self, k: int, seen: Seen, after: Seen, command: Command) -> None:
-        """Keep a away from zero, and to what P really does where wheels were cut."""
+    def _change_way(self, k: int, seen: Seen) -> None:
+        """A new way back for those who could not do what the law asked for."""
+        who = self._ways.wanted(k, self._trouble)
+        if not who.any():
+            return
+        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
+        start = self._ways.choose(k, who, seen.body[who], velocity[who], seen.wheels[who])
+        if start is not None:
+            self._along[who], self._along_rate[who] = start
+
+    def _hold_to_the_possible(self, k: int, seen: Seen, after: Seen, command: Command) -> BoolArray:
+        """Keep a away from zero, and to what P really does where wheels were cut.
+
+        Returns:
+            (nsim,) where a had come too close to zero.
+        """
         change = self._model.velocity(after.body, after.wheels, after.slip)
         change = change - self._model.velocity(seen.body, seen.wheels, seen.slip)
         t, _ = trailer_axes(0.5 * (seen.body[:, 3] + after.body[:, 3]))
@@ -143,6 +184,7 @@ class Flatness(Controller):
         least = self._least[k]
         self._along = self._sign * np.maximum(size, least)
         self._along_rate = np.where(cut | (size < least), 0.0, self._along_rate)
+        return np.asarray(size < least)
 
     def _state(self, seen: Seen) -> RobotState:
         """What the wheel map asks for; it looks at rates only at the first sample."""

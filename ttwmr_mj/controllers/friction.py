@@ -3,8 +3,14 @@
 Sliding, the hitch takes τ_c from the trailer, against the motion; that acts like an extra θ̈2, which
 a controller can make up for. Stuck, the friction is whatever keeps the hitch locked: a controller
 that counts on the sliding value would push too hard or, with the sign of a noisy rate, chatter. In
-between, tanh(rate/ε) goes smoothly from one to the other: a stuck hitch counts as free, and breaks
-away by the error that grows meanwhile.
+between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck hitch counts
+as free, and breaks away by the error that grows meanwhile.
+
+References, and mpc's predictions, are made on a model with this smooth friction (`planning`): they
+are those of a robot with friction. Gains that are computed once are those of a free hitch: about
+a hitch that does not turn, smooth friction is a strong damper, and gains that count on a damper
+that a sliding hitch lacks are unstable. There, what friction does beyond what it does along the
+reference is fed forward as an extra θ̈2 (`swing`).
 """
 
 from __future__ import annotations
@@ -13,6 +19,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.observer import Seen, wheels_turn
 from ttwmr_mj.controllers.options import FrictionOptions
+from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -21,24 +28,35 @@ class HitchFriction:
     """What a controller believes of the hitch, and makes up for.
 
     Attributes:
-        believed: the robot as the observer should predict it.
-        smooth: the same without dry friction: what can be linearised.
+        believed: the robot as the controller takes it to be.
     """
 
     def __init__(self, robot: RobotParameters, options: FrictionOptions) -> None:
-        self.smooth = without_dry_friction(robot)
-        self.believed = robot if options.dry == "model" else self.smooth
+        share = options.believed_share if options.dry == "model" else 0.0
+        dry = share * robot.hitch.coulomb_friction_n_m
+        hitch = robot.hitch.model_copy(update={"coulomb_friction_n_m": dry})
+        self.believed = robot.model_copy(update={"hitch": hitch})
         self._scale_rad_s = options.smoothing_rad_s
-        dry = self.believed.hitch.coulomb_friction_n_m
         self._size = dry / robot.swing_inertia_kg_m2
 
+    def planning(self, period_s: float, substep_s: float = SUBSTEP_S) -> SampledModel:
+        """The sampled model with smooth friction: what can be differentiated."""
+        return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s)
+
+    def free(self, period_s: float) -> SampledModel:
+        """The sampled model without dry friction."""
+        hitch = self.believed.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
+        return SampledModel(self.believed.model_copy(update={"hitch": hitch}), period_s)
+
     def swing(self, seen: Seen) -> FloatArray:
-        """(nsim,) θ̈2 that smoothed dry friction causes [rad/s²]."""
-        slide = seen.body[:, 4] - wheels_turn(seen.wheels, self.believed) - seen.slip[:, 2]
-        return np.asarray(-self._size * np.tanh(slide / self._scale_rad_s))
+        """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
+        return self._swing(
+            seen.body[:, 4] - wheels_turn(seen.wheels, self.believed) - seen.slip[:, 2]
+        )
 
+    def swing_along(self, state: FloatArray) -> FloatArray:
+        """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
+        return self._swing(state[..., 4] - wheels_turn(state[..., 5:], self.believed))
 
-def without_dry_friction(robot: RobotParameters) -> RobotParameters:
-    """The same robot with a hitch that never sticks."""
-    hitch = robot.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
-    return robot.model_copy(update={"hitch": hitch})
+    def _swing(self, slide: FloatArray) -> FloatArray:
+        return np.asarray(-self._size * slide / np.hypot(slide, self._scale_rad_s))

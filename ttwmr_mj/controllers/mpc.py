@@ -1,8 +1,9 @@
 """Model predictive control: the coming second, optimised anew every period.
 
 Minimises the stage cost of `tracking_problem` over a horizon on the sampled nonlinear model, from
-the observer's state and with its disturbances taken to last, under the servos' limits. The cost
-beyond the horizon is the cost to go of the time-varying LQR about the reference.
+the observer's state and with its disturbances taken to last, under the servos' limits and with the
+hitch's dry friction, smoothed, in the model. The cost beyond the horizon is the cost to go of the
+time-varying LQR about the reference.
 
 Every period: linearise along the last plan, make one Gauss-Newton step by the Riccati recursion,
 roll its policy out from where the robot really is, for a few lengths of the step and with commands
@@ -13,20 +14,19 @@ Stability: locally, in the classical way. The final cost is a Lyapunov function 
 loop under the LQR law, which is feasible near the reference; so the last plan continued by that law
 costs less than the last plan by one stage cost, and the step kept costs no more than it, to first
 order in what one period's surprise was (length zero is among the candidates): the cost to go
-decreases along the loop. It assumes what the
-time-varying LQR assumes near the reference (P moves, the reference is feasible with room to spare);
-far from it there is no proof, but the nonlinear model and the limits are in the plan, which is what
-a linear law lacks.
+decreases along the loop. It assumes what the time-varying LQR assumes near the reference (P moves,
+the reference is feasible with room to spare), and a hitch that slides or friction that is smooth on
+the scale of one step: a hitch that sticks ends where friction lets go of the error. Far from the
+reference there is no proof, but the nonlinear model and the limits are in the plan, which is what a
+linear law lacks.
 
-Time: a command that takes longer than a period comes too late on a real robot. Such overruns are
-counted in `overruns` and logged; the command is used all the same, so that results do not depend on
-the machine's load.
+Time: a command that takes longer than a period comes too late on a real robot. The run counts such
+overruns (`control_overruns` in metrics.json); the command is used all the same, so that results do
+not depend on the machine's load.
 """
 
 from __future__ import annotations
 
-import logging
-from time import perf_counter
 from typing import NamedTuple
 
 import numpy as np
@@ -45,9 +45,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray
 
-LOGGER = logging.getLogger(__name__)
 STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])  # of the Gauss-Newton step; zero is the last plan
-FITTING_PASSES = 3
 PREDICTION_SUBSTEP_S = 0.017  # coarser than the observer's: only differences matter
 
 
@@ -60,28 +58,22 @@ class _Plan(NamedTuple):
 
 
 class Mpc(Controller):
-    """Real-time Gauss-Newton over a receding horizon.
-
-    Attributes:
-        overruns: commands of this run that took longer than a period.
-        slowest_s: the longest that one took.
-    """
+    """Real-time Gauss-Newton over a receding horizon."""
 
     def __init__(self, options: MpcController) -> None:
         self._options = options
-        self.overruns, self.slowest_s = 0, 0.0
 
     def start(self, task: Task) -> None:
         """Fit the reference and its cost to go; InputError if there is no θ2 to track."""
         if task.reference is None:
             raise InputError("controller.kind = 'mpc' needs a reference; got kind = 'none'")
         period = task.sampling_time_s
-        self._friction = HitchFriction(task.robot, self._options.friction)
-        self._model = SampledModel(self._friction.believed, period)
+        friction = HitchFriction(task.robot, self._options.friction)
+        self._model = SampledModel(friction.believed, period)
         self._observer = Observer(task.robot, self._model, self._options.observer)
-        smooth = SampledModel(self._friction.smooth, period, PREDICTION_SUBSTEP_S)
+        smooth = friction.planning(period, PREDICTION_SUBSTEP_S)
         self._problem = TrackingProblem(task.robot, smooth, self._options.weights)
-        state, command = fit(self._problem, self._problem.target(task.reference), FITTING_PASSES)
+        state, command = fit(self._problem, self._problem.target(task.reference))
         self._target = Target(state, command, self._problem.centre(state))
         decay = np.exp(-period / self._options.disturbance_time_s)
         linear = self._problem.linearise(state[:-1], command)
@@ -89,18 +81,15 @@ class Mpc(Controller):
         self._horizon = min(self._options.horizon_samples, len(command))
         self._nsim, self._period, self._robot = task.nsim, period, task.robot
         self._plan: _Plan | None = None
-        self.overruns, self.slowest_s = 0, 0.0
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The first command of the improved plan."""
-        began = perf_counter()
         seen = self._observer.update(estimate)
-        disturbance = np.column_stack([seen.slip, seen.swing + self._friction.swing(seen)])
+        disturbance = np.column_stack([seen.slip, seen.swing])
         plan = self._improved(k, self._now(seen, k), disturbance)
         command = possible_command(plan.command[0], seen.wheels, self._model, self._robot)
         self._plan = plan
         self._observer.commanded(command.wheel_speed_rad_s)
-        self._keep_time(perf_counter() - began, k)
         return command
 
     def _now(self, seen: Seen, k: int) -> FloatArray:
@@ -197,17 +186,3 @@ class Mpc(Controller):
         hessian = self._lqr.cost[k + steps]
         beyond = np.concatenate([state - self._target.state[k + steps], constant], axis=-1)
         return states, commands, cost + 0.5 * (beyond * apply(hessian, beyond)).sum(axis=-1)
-
-    def _keep_time(self, took_s: float, k: int) -> None:
-        self.slowest_s = max(self.slowest_s, took_s)
-        if took_s <= self._period:
-            return
-        self.overruns += 1
-        if self.overruns & (self.overruns - 1) == 0:  # 1, 2, 4, ...: the log stays readable
-            LOGGER.warning(
-                "mpc: the command of sample %d took %.1f ms of a period of %.1f ms (overrun %d)",
-                k,
-                1e3 * took_s,
-                1e3 * self._period,
-                self.overruns,
-            )

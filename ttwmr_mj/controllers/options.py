@@ -37,6 +37,9 @@ class FrictionOptions(Config):
     dry: Literal["ignored", "model"] = Field(
         default="model", description="ignored, or compensated with the robot's own figure"
     )
+    believed_share: float = Field(
+        default=1.0, ge=0, le=10, description="of the robot's own figure: 0.7 believes 30 % less"
+    )
     smoothing_rad_s: float = Field(
         default=0.05, gt=0, le=10, description="hitch rate at which friction counts as full"
     )
@@ -46,8 +49,12 @@ class FlatnessController(Config):
     """Dynamic feedback linearisation of the trailer's centre of oscillation."""
 
     kind: Literal["flatness"]
-    bandwidth_per_s: float = Field(
-        default=3.5, gt=0, le=30, description="λ: the error obeys (s + λ)⁴, nearly"
+    bandwidth_per_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=30,
+        description="λ: the error obeys (s + λ)⁴, nearly; left out: 3.5 times the mean turn rate "
+        "of the reference's trailer",
     )
     integral_share: float = Field(
         default=0.15, ge=0, le=0.5, description="κ: the error's integral settles at κλ"

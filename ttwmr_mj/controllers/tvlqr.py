@@ -1,9 +1,10 @@
 """Time-varying linear-quadratic control along any reference that a free trailer can follow.
 
 Before the run the reference is made exact for the sampled robot: Gauss-Newton steps (the same
-Riccati recursion with its affine terms) find the commands, held over a period, whose trajectory on
-the sampled hybrid model stays closest to it. About that trajectory the model is linearised and the
-recursion run backwards, from beyond the end, which gives the gains u_k = ū_k + K_k·(x_k − x̄_k).
+Riccati recursion with its affine terms, and a line search) find the commands, held over a period,
+whose trajectory on the sampled hybrid model, its hitch friction smoothed, stays closest to it. The
+model without dry friction is linearised about that trajectory and the recursion run backwards, from
+beyond the end, which gives the gains u_k = ū_k + K_k·(x_k − x̄_k). Why without: `friction`.
 
 What the observer found of creep and of an unexplained θ̈2 enters as four more states that decay
 slowly and that no input moves: the recursion then finds the command that makes up for them, and no
@@ -14,7 +15,9 @@ the pair (A_k, B_k) is uniformly controllable, with V = δxᵀP_k·δx as Lyapun
 by the stage cost, in which δx is observable through F and θ). It is controllable while P moves and
 turns; at standstill it is not (a robot that stands cannot correct its position sideways), so a
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
-locally, while no servo saturates and the model is right between samples.
+locally, while no servo saturates and the model is right between samples. Dry friction that the
+robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
+What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
 """
 
 from __future__ import annotations
@@ -42,7 +45,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray
 
-FITTING_PASSES = 3
+FITTING_PASSES = 30
+FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
+STEP_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a Gauss-Newton step
 
 
 class Tvlqr(Controller):
@@ -55,22 +60,27 @@ class Tvlqr(Controller):
         """Fit the reference, compute the gains; InputError if there is no θ2 to track."""
         if task.reference is None:
             raise InputError("controller.kind = 'tvlqr' needs a reference; got kind = 'none'")
-        self._friction = HitchFriction(task.robot, self._options.friction)
-        self._model = SampledModel(self._friction.believed, task.sampling_time_s)
+        self._friction = friction = HitchFriction(task.robot, self._options.friction)
+        self._model = SampledModel(friction.believed, task.sampling_time_s)
         self._observer = Observer(task.robot, self._model, self._options.observer)
-        smooth = SampledModel(self._friction.smooth, task.sampling_time_s)
+        smooth = friction.planning(task.sampling_time_s)
         problem = TrackingProblem(task.robot, smooth, self._options.weights)
         decay = np.exp(-task.sampling_time_s / self._options.disturbance_time_s)
         target = problem.target(task.reference)
-        self._state, self._command = fit(problem, target, FITTING_PASSES)
-        linear = problem.linearise(self._state[:-1], self._command)
-        self._gain = with_disturbances(problem, linear, self._state, decay).gain
+        self._state, self._command = fit(problem, target)
+        free = TrackingProblem(
+            task.robot, friction.free(task.sampling_time_s), self._options.weights
+        )
+        linear = free.linearise(self._state[:-1], self._command)
+        self._gain = with_disturbances(free, linear, self._state, decay).gain
+        self._swing = friction.swing_along(self._state)
         self._robot = task.robot
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """ū + K·(x − x̄), within the servos' limits."""
         seen = self._observer.update(estimate)
-        miss = error(seen, self._state[k], seen.swing + self._friction.swing(seen))
+        swing = seen.swing + self._friction.swing(seen) - self._swing[k]
+        miss = error(seen, self._state[k], swing)
         wish = self._command[k] + apply(self._gain[k], miss)
         command = possible_command(wish, seen.wheels, self._model, self._robot)
         self._observer.commanded(command.wheel_speed_rad_s)
@@ -89,31 +99,51 @@ def apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray((matrix @ vector[..., None])[..., 0])
 
 
-def fit(problem: TrackingProblem, target: Target, passes: int) -> tuple[FloatArray, FloatArray]:
-    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target."""
+def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArray]:
+    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
+
+    Gauss-Newton with a line search, until the cost falls by less than a share of FITTED, but no
+    more than FITTING_PASSES times.
+    """
     state, command = target.state, target.command
     samples = slice(0, len(command))
     by_input = problem.residual_by_command()
-    for _ in range(passes):
+    cost = np.full(state.shape[1], np.inf)
+    for _ in range(FITTING_PASSES):
         linear = problem.linearise(state[:-1], command)
         residual = problem.residual(state[:-1], command, target, samples)
         by_state = problem.residual_by_state(state[:-1])
         final = np.zeros_like(linear.A[0])
         policy = backward(linear.A, linear.B, by_state, by_input, residual, final)
-        state, command = _rollout(problem, policy, state, command)
+        states, commands = _rollouts(problem, policy, state, command)
+        aims = Target(*(values[:, None] for values in target))
+        costs = (problem.residual(states[:-1], commands, aims, samples) ** 2).sum(axis=(0, -1))
+        best, each = np.argmin(costs, axis=0), np.arange(state.shape[1])
+        last, cost = cost, costs[best, each]
+        state, command = states[:, best, each], commands[:, best, each]
+        if not (cost < (1.0 - FITTED) * last).any():
+            break
     return state, command
 
 
-def _rollout(
+def _rollouts(
     problem: TrackingProblem, policy: Policy, state: FloatArray, command: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """The sampled model under a policy about (state, command), from the same start."""
-    now, states, commands = state[0], [state[0]], []
+    """The sampled model under a policy about (state, command), from the same start.
+
+    Returns:
+        states (n, lengths, batch, 7) and commands (n − 1, lengths, batch, 2), one for every length
+        of the policy's feedforward.
+    """
+    count = (STEP_LENGTHS.size, state.shape[1])
+    now = np.broadcast_to(state[0], (*count, STATES))
+    states, commands = np.empty((len(state), *count, STATES)), np.empty((len(command), *count, 2))
+    states[0] = now
     for k in range(len(command)):
-        commands.append(command[k] + policy.feedforward[k] + apply(policy.gain[k], now - state[k]))
-        now = problem.next_state(now, commands[-1])
-        states.append(now)
-    return np.stack(states), np.stack(commands)
+        push = STEP_LENGTHS[:, None, None] * policy.feedforward[k]
+        commands[k] = command[k] + push + apply(policy.gain[k], now - state[k])
+        now = states[k + 1] = problem.next_state(now, commands[k])
+    return states, commands
 
 
 def with_disturbances(

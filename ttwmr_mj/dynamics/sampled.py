@@ -5,6 +5,9 @@ the command and hold it (`plants.servo`), the trailer swings (Eq. 24) under the 
 damper and dry friction. Small and vectorised over any leading axes; the analytic plant solves the
 same equations more exactly.
 
+Dry friction sticks where it can. Who differentiates the model asks for a smooth one instead: with
+`smoothing_rad_s` = ε, friction at a hitch rate s is s/√(s² + ε²) of its full size.
+
 The wheels' angles and the heading are exact at the substeps' ends. The swing is integrated by
 drift, kick, drift: the kick is the *change of P's velocity*, n·ΔP'/k, exact however sudden, so a
 wheel speed may jump. Second order in the substep: with 8 ms and 4 rad/s, relative 4e-5.
@@ -34,7 +37,11 @@ class SampledModel:
     """
 
     def __init__(
-        self, robot: RobotParameters, period_s: float, substep_s: float = SUBSTEP_S
+        self,
+        robot: RobotParameters,
+        period_s: float,
+        substep_s: float = SUBSTEP_S,
+        smoothing_rad_s: float = 0.0,
     ) -> None:
         servo, hitch = robot.servo, robot.hitch
         self.period_s = period_s
@@ -47,6 +54,7 @@ class SampledModel:
         self._stiffness = hitch.stiffness_n_m_rad / inertia  # [1/s²]
         self._damping = hitch.damping_n_m_s_rad / inertia  # [1/s]
         self._friction = hitch.coulomb_friction_n_m / inertia  # [rad/s²]
+        self._smoothing = smoothing_rad_s
         self._substeps = math.ceil(period_s / substep_s)
 
     def advance(
@@ -135,8 +143,12 @@ class SampledModel:
             rate = rate - step * self._stiffness * angle
         if self._damping or self._friction:
             slide = (rate - turn) / (1.0 + step * self._damping)
-            # friction takes away its impulse or all of the motion: stiction
-            slide = np.copysign(np.maximum(np.abs(slide) - step * self._friction, 0.0), slide)
+            if self._smoothing:
+                # linearly implicit: stable at any step
+                slide = slide / (1.0 + step * self._friction / np.hypot(slide, self._smoothing))
+            elif self._friction:
+                # friction takes away its impulse or all of the motion: stiction
+                slide = np.copysign(np.maximum(np.abs(slide) - step * self._friction, 0.0), slide)
             rate = turn + slide
         return rate
 

@@ -1,0 +1,178 @@
+"""Feasible ways back onto a reference of the trailer's centre of oscillation F.
+
+Far from the reference the flatness-based law asks for more than the servos give, and what it then
+does is nobody's plan. A way back asks for no more than they give: F_ref + p with
+
+    p(τ) = Σ_j e⁽ʲ⁾·Dʲ·h_j(τ/D),   h_j(s) = sʲ/j!·(1 − s)⁴·Σ_{i ≤ 3−j} C(3+i, i)·sⁱ,
+
+the polynomial of degree 7 that starts with the error e, e', e'', e''' and ends with none after D.
+Whoever follows it starts without error. F and F' are where the robot is; F'' must point along the
+trailer and F''' turn with it, F'' = a·t, F''' = a'·t + a·θ̇2·n, which leaves a and a' free: they are
+accelerations of P, and the wheels can change those within a period. So ways differ in D, a and a'.
+Flatness gives the whole motion along each at once; speeds and accelerations of the wheels and the
+size of a are compared with their limits, and the shortest way that keeps them is taken; if none
+does, the one that breaks them least, until a better one is there.
+
+A start is recovered from, then, if one of the ways keeps the limits with room for the feedback, and
+the law that follows it stays within its own region. Where none does there is no promise.
+"""
+
+from __future__ import annotations
+
+from math import comb, factorial
+
+import numpy as np
+
+from ttwmr_mj.dynamics.flatness import motion_from_flat, trailer_axes
+from ttwmr_mj.dynamics.kinematics import wheels_from_twist
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import BoolArray, FloatArray
+
+ORDERS = 5  # p and four derivatives
+DURATIONS_RAD = np.geomspace(0.6, 6.0, 9)  # D, in turn of the reference's trailer meanwhile
+SIZES = np.array([1.0, 0.7, 0.45, 1.5, 2.2])  # of a at the start, in |F''| of the reference
+RATES = np.array([0.0, -0.7, 0.7])  # of a' at the start, in a times the reference's turn rate
+POINTS = 60  # of the longest way that are examined
+USABLE = 0.95  # share of the servos' limits that a way may take: feedback has the rest
+PATIENCE = 3  # samples of trouble in a row, and samples of a way, before there is another
+
+
+class WaysBack:
+    """The reference, with a way back to it for each simulation that needs one."""
+
+    def __init__(
+        self,
+        flat: FloatArray,
+        least: FloatArray,
+        sign: float,
+        turn_rad_s: float,
+        robot: RobotParameters,
+        period_s: float,
+        nsim: int,
+    ) -> None:
+        """All simulations start on the reference.
+
+        Args:
+            flat: (n, 1, 5, 2) F and its derivatives.
+            least: (n, 1) size that a must keep [m/s²].
+            sign: of a.
+            turn_rad_s: mean turn rate of the reference's trailer, a size.
+            robot: geometry and servo.
+            period_s: T.
+            nsim: simulations.
+        """
+        self._flat, self._least, self._sign = flat, least, sign
+        self._turn, self._robot, self._period = turn_rad_s, robot, period_s
+        steps = np.unique(np.rint(DURATIONS_RAD / (turn_rad_s * period_s)))
+        grid = np.meshgrid(steps, SIZES, RATES, indexing="ij")
+        self._steps, self._size, self._rate = (values.ravel() for values in grid)
+        self._error = np.zeros((nsim, 4, 2))
+        self._began = np.full(nsim, -PATIENCE)
+        self._duration = np.ones(nsim)
+        self._trouble = np.zeros(nsim)
+
+    def reference(self, k: int) -> FloatArray:
+        """(nsim, 5, 2) F and its derivatives to follow at sample k."""
+        elapsed = (k - self._began) * self._period
+        return np.asarray(self._flat[k] + way_back(self._error, elapsed, self._duration))
+
+    def wanted(self, k: int, trouble: BoolArray) -> BoolArray:
+        """(nsim,) who needs another way; to be asked at every sample, with whose law is cut."""
+        self._trouble = (self._trouble + 1.0) * trouble
+        return np.asarray((self._trouble >= PATIENCE) & (k - self._began > PATIENCE))
+
+    def choose(
+        self, k: int, who: BoolArray, body: FloatArray, velocity: FloatArray, wheels: FloatArray
+    ) -> tuple[FloatArray, FloatArray] | None:
+        """Give simulations a way from where they are; None near the end of the reference.
+
+        Args:
+            k: the sample.
+            who: (nsim,) those who get one, m of them.
+            body: (m, 5) x, y, θ1, θ2, θ̇2.
+            velocity: (m, 2) P'.
+            wheels: (m, 2) setpoints of the servos [rad/s].
+
+        Returns:
+            (m,) a and a' to start with.
+        """
+        usable = self._steps < len(self._flat) - k
+        if not usable.any():
+            return None
+        steps, rate, now = self._steps[usable], body[:, 4], self._flat[k, 0]
+        a = self._sign * np.hypot(*now[2]) * self._size[usable]
+        a_rate = a * self._turn * self._rate[usable]
+        t, n = trailer_axes(body[:, 3])
+        length, count = self._robot.swing_length_m, (steps.size, len(body), 2)
+        centre = np.broadcast_to(body[:, :2] - length * t, count)
+        moving = np.broadcast_to(velocity - (length * rate)[:, None] * n, count)
+        third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
+        error = np.stack([centre, moving, a[:, None, None] * t, third], axis=2) - now[:4]
+        strain = self._strain(k, error, steps * self._period, wheels)
+        kept = strain <= 1.0
+        chosen = np.where(kept.any(axis=0), kept.argmax(axis=0), strain.argmin(axis=0))
+        self._error[who], self._began[who] = error[chosen, np.arange(len(body))], k
+        self._duration[who] = steps[chosen] * self._period
+        return a[chosen], a_rate[chosen]
+
+    def _strain(
+        self, k: int, error: FloatArray, duration_s: FloatArray, wheels: FloatArray
+    ) -> FloatArray:
+        """(c, m) the worst ratio of what ways take to what they may take.
+
+        Args:
+            k: the sample of the start.
+            error: (c, m, 4, 2) e and its derivatives then.
+            duration_s: (c,).
+            wheels: (m, 2) setpoints then [rad/s].
+        """
+        longest = round(float(duration_s.max()) / self._period)
+        stride = max(longest // POINTS, 1)
+        window = np.arange(0, longest + 1, stride)
+        count = (window.size, *error.shape[:2])
+        elapsed = np.broadcast_to(self._period * window[:, None, None], count)
+        p = way_back(error, elapsed, np.broadcast_to(duration_s[:, None], count))
+        motion = motion_from_flat(self._flat[k + window, None] + p, self._sign, self._robot)
+        speeds = wheels_from_twist(motion.twist, self._robot)
+        change = np.abs(np.diff(speeds, axis=0)).max(axis=(0, -1)) / (stride * self._period)
+        # at the start a and a' may jump: two periods for it
+        jump = np.abs(speeds[0] - wheels).max(axis=-1) / (2.0 * self._period)
+        servo = self._robot.servo
+        speed = np.abs(speeds).max(axis=(0, -1)) / (USABLE * servo.speed_limit_rad_s)
+        change = np.maximum(change, jump) / (USABLE * servo.acceleration_limit_rad_s2)
+        size = self._least[k + window, None] / np.maximum(np.abs(motion.along), 1e-9)
+        return np.asarray(np.maximum.reduce([speed, change, size.max(axis=0)]))
+
+
+def way_back(error: FloatArray, elapsed_s: FloatArray, duration_s: FloatArray) -> FloatArray:
+    """(..., 5, 2) p and its derivatives.
+
+    Args:
+        error: (..., 4, 2) e and its derivatives at the start.
+        elapsed_s: (...) time since then; at and beyond the duration p is zero.
+        duration_s: (...) D.
+    """
+    s = np.minimum(elapsed_s / duration_s, 1.0)[..., None, None]
+    powers = s ** np.arange(8)
+    scaled = error * duration_s[..., None, None] ** np.arange(4)[:, None]
+    shape = np.stack([powers @ derivative.T for derivative in _BASIS], axis=-2)[..., 0, :, :]
+    rates = duration_s[..., None, None] ** -np.arange(float(ORDERS))[:, None]
+    return np.asarray((shape @ scaled) * rates * (s < 1.0))
+
+
+def _basis() -> list[FloatArray]:
+    """Coefficients (4, 8) of h_j in powers of s, and of their derivatives by s."""
+    h = np.zeros((4, 8))
+    for j in range(4):
+        tail = np.array([comb(3 + i, i) for i in range(4 - j)], dtype=np.float64)
+        rise = np.polynomial.polynomial.polymul([1.0, -4.0, 6.0, -4.0, 1.0], tail)
+        h[j, j : j + rise.size] = rise / factorial(j)
+    all_orders = [h]
+    for _ in range(ORDERS - 1):
+        slope = np.zeros((4, 8))
+        slope[:, :-1] = all_orders[-1][:, 1:] * np.arange(1, 8)
+        all_orders.append(slope)
+    return all_orders
+
+
+_BASIS = _basis()
