@@ -32,7 +32,7 @@ MAX_DELAY = 32  # periods; a measurement older than that is ignored
 MODEL_POSITION_STD_M = 2e-5  # prediction error of one period, beside creep
 MODEL_ANGLE_STD_RAD = 1e-4
 MODEL_RATE_STD_RAD_S = 3e-3
-JOLT = 1.5  # standard deviations of a rate; a greater surprise is a push, which does not last
+JOLT = 1.5  # standard deviations: what surprises more is a push, which does not last
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,7 +63,7 @@ class Observer:
         position, angle = options.position_std_m, options.angle_std_rad
         velocity, rate = options.velocity_std_m_s, options.rate_std_rad_s
         root = np.sqrt(T)
-        self._jolt_rad_s = JOLT * rate
+        self._jolt_rad_s, self._jolt_rad = JOLT * rate, JOLT * (angle + T * rate)
         self._position_gain = kalman_gain(
             creep, (MODEL_POSITION_STD_M, options.creep_walk_m_s * root), (position, velocity)
         )
@@ -142,8 +142,10 @@ class Observer:
         gain = self._swing_gain
         body[:, 3] += gain[0, 0] * trailer + gain[0, 1] * swinging
         body[:, 4] += gain[1, 0] * trailer + gain[1, 1] * swinging
-        lasting = np.abs(swinging) < self._jolt_rad_s
-        swing += (gain[2, 0] * trailer + gain[2, 1] * swinging) * lasting
+        # cut, not left out: an unknown θ̈2 that is wrong must be able to come back
+        trailer = np.clip(trailer, -self._jolt_rad, self._jolt_rad)
+        swinging = np.clip(swinging, -self._jolt_rad_s, self._jolt_rad_s)
+        swing += gain[2, 0] * trailer + gain[2, 1] * swinging
         return Seen(body, seen.wheels, slip, swing)
 
 

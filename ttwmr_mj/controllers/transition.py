@@ -10,8 +10,8 @@ Whoever follows it starts without error. F and F' are where the robot is; F'' mu
 trailer and F''' turn with it, F'' = a·t, F''' = a'·t + a·θ̇2·n, which leaves a and a' free: they are
 accelerations of P, and the wheels can change those within a period. So ways differ in D, a and a'.
 Flatness gives the whole motion along each at once; speeds and accelerations of the wheels and the
-size of a are compared with their limits, and the shortest way that keeps them is taken; if none
-does, the one that breaks them least, until a better one is there.
+size of a are compared with their limits. A way costs its duration, what it takes beyond the limits
+and how far it leads away; the cheapest is driven, until the law is cut again.
 
 A start is recovered from, then, if one of the ways keeps the limits with room for the feedback, and
 the law that follows it stays within its own region. Where none does there is no promise.
@@ -34,7 +34,9 @@ SIZES = np.array([1.0, 0.7, 0.45, 1.5, 2.2])  # of a at the start, in |F''| of t
 RATES = np.array([0.0, -0.7, 0.7])  # of a' at the start, in a times the reference's turn rate
 POINTS = 60  # of the longest way that are examined
 USABLE = 0.95  # share of the servos' limits that a way may take: feedback has the rest
-PATIENCE = 3  # samples of trouble in a row, and samples of a way, before there is another
+EXCESS_RAD = 10.0  # what a way that asks for twice the limits costs, in turn of the reference
+AWAY_RAD = 10.0  # what a way that leads |F''|/(turn rate)² away costs: the radius, on a circle
+PATIENCE = 2  # samples of trouble in a row, and samples of a way, before there is another
 
 
 class WaysBack:
@@ -108,17 +110,19 @@ class WaysBack:
         moving = np.broadcast_to(velocity - (length * rate)[:, None] * n, count)
         third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
         error = np.stack([centre, moving, a[:, None, None] * t, third], axis=2) - now[:4]
-        strain = self._strain(k, error, steps * self._period, wheels)
-        kept = strain <= 1.0
-        chosen = np.where(kept.any(axis=0), kept.argmax(axis=0), strain.argmin(axis=0))
+        strain, away = self._strain(k, error, steps * self._period, wheels)
+        away = away * self._turn**2 / np.hypot(*now[2])
+        excess = np.maximum(strain - 1.0, 0.0)
+        turn = self._turn * self._period * steps
+        chosen = (turn[:, None] + EXCESS_RAD * excess + AWAY_RAD * away).argmin(axis=0)
         self._error[who], self._began[who] = error[chosen, np.arange(len(body))], k
         self._duration[who] = steps[chosen] * self._period
         return a[chosen], a_rate[chosen]
 
     def _strain(
         self, k: int, error: FloatArray, duration_s: FloatArray, wheels: FloatArray
-    ) -> FloatArray:
-        """(c, m) the worst ratio of what ways take to what they may take.
+    ) -> tuple[FloatArray, FloatArray]:
+        """What ways take: the worst ratio to what they may take (c, m), and how far |p| gets [m].
 
         Args:
             k: the sample of the start.
@@ -141,7 +145,8 @@ class WaysBack:
         speed = np.abs(speeds).max(axis=(0, -1)) / (USABLE * servo.speed_limit_rad_s)
         change = np.maximum(change, jump) / (USABLE * servo.acceleration_limit_rad_s2)
         size = self._least[k + window, None] / np.maximum(np.abs(motion.along), 1e-9)
-        return np.asarray(np.maximum.reduce([speed, change, size.max(axis=0)]))
+        away = np.hypot(p[..., 0, 0], p[..., 0, 1]).max(axis=0)
+        return np.maximum.reduce([speed, change, size.max(axis=0)]), away
 
 
 def way_back(error: FloatArray, elapsed_s: FloatArray, duration_s: FloatArray) -> FloatArray:
