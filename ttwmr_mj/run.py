@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from ttwmr_mj.background import Background
 from ttwmr_mj.experiment import Experiment, Outcome, Result
 from ttwmr_mj.lyapunov_log import lyapunov_log, write_lyapunov
 from ttwmr_mj.metrics import Metrics, score
@@ -75,7 +76,8 @@ def run_scenario(
     if scenario.output.recording:
         result = _recorded(experiment, folder, frames, progress)
     else:
-        result = experiment.run(_reporter(experiment, None, frames, progress))
+        with Background() as background:
+            result = experiment.run(_reporter(experiment, background, None, frames, progress))
     if frames is not None:
         frames.finish()
     watch.lap("recording")
@@ -157,6 +159,7 @@ def _control_overruns(result: Result, period_s: float) -> dict[str, Any]:
 
 def _reporter(
     experiment: Experiment,
+    background: Background,
     recorder: RunRecorder | None,
     frames: FrameExport | None,
     progress: Progress | None,
@@ -164,15 +167,20 @@ def _reporter(
     """What is done with the new rows of a run, and with the frames of its camera."""
 
     def report(rows: Trajectory) -> None:
-        if recorder is not None:
-            recorder.append(rows)
+        camera = None
         if experiment.scenario.sensing.kind == "camera":
-            sensor = cast("CameraSensor", experiment.sensor)
-            records = sensor.drain_log()
+            camera = cast("CameraSensor", experiment.sensor)
+        records = [] if camera is None else camera.drain_log()
+
+        def record() -> None:
             if recorder is not None:
-                recorder.append_camera(sensor.trackers[0].camera, sensor.layout, records)
+                recorder.append(rows)
+                if camera is not None:
+                    recorder.append_camera(camera.trackers[0].camera, camera.layout, records)
             if frames is not None:
                 frames.add(records)
+
+        background.do(record)
         if progress is not None and len(rows):
             progress(float(rows.time_s[-1]))
 
@@ -195,17 +203,21 @@ def _recorded(
     from ttwmr_mj.recording import RunRecorder
 
     scenario = experiment.scenario
-    with RunRecorder(
-        folder / "run.rrd",
-        model=_drawable_model(experiment),
-        robot=scenario.robot,
-        reference=experiment.reference,
-        name=scenario.name,
-        summary_markdown=summary(scenario),
-        camera=scenario.sensing.kind == "camera",
-        lyapunov=_lyapunov_law(experiment),
-    ) as recorder:
-        result = experiment.run(_reporter(experiment, recorder, frames, progress))
+    with (
+        RunRecorder(
+            folder / "run.rrd",
+            model=_drawable_model(experiment),
+            robot=scenario.robot,
+            reference=experiment.reference,
+            name=scenario.name,
+            summary_markdown=summary(scenario),
+            camera=scenario.sensing.kind == "camera",
+            lyapunov=_lyapunov_law(experiment),
+        ) as recorder,
+        Background() as background,
+    ):
+        result = experiment.run(_reporter(experiment, background, recorder, frames, progress))
+        background.wait()
         wall_time_s = sum(result.wall_time_s.values())
         recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
     return result
