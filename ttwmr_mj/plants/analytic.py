@@ -20,6 +20,7 @@ from ttwmr_mj.dynamics.kinematics import (
     workspace_rate,
 )
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.bodiless import BodilessPlant
 from ttwmr_mj.plants.servo import limit_speed, ramp
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
 from ttwmr_mj.robot import RobotParameters
@@ -44,7 +45,7 @@ class _Intervals(NamedTuple):
     u2_rate: FloatArray
 
 
-class AnalyticPlant:
+class AnalyticPlant(BodilessPlant):
     """A batch of robots that follow the hybrid model, each under its own command.
 
     A simulation's numbers do not depend on the batch it runs in, and mirrored commands give
@@ -108,31 +109,10 @@ class AnalyticPlant:
         """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
         return self._wheels.copy()
 
-    def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """Refused: the tractor's motion is prescribed, a force on it has no meaning here.
-
-        Raises:
-            InputError: always, if there is a force.
-        """
-        if forces_n:
-            raise InputError("plant.pushes: only plant.kind = 'contact' can be pushed")
-
-    def joint_positions(self) -> FloatArray:
-        """(nsim, 0): the model has no joints."""
-        return np.empty((self.nsim, 0))
-
-    def contact_readings(self) -> FloatArray:
-        """(nsim, 0, 15): the model has no contacts."""
-        return np.empty((self.nsim, 0, 15))
-
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
         sums = self._x + self._y + self._theta1 + self._hitch + self._hitch_rate
         return np.asarray(~np.isfinite(sums + self._wheels.sum(axis=-1)))
-
-    def fault(self, index: int) -> str:
-        """The model has one way to break."""
-        return f"the state is not finite: {self.state().q[index].tolist()}"
 
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds for a time.

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from ttwmr_mj.dynamics.extended import ExtendedModel
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.bodiless import BodilessPlant
 from ttwmr_mj.plants.extended_steps import Clock, Stretch, cut, rates, rolling_setpoint, step
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 
-class ExtendedPlant:
+class ExtendedPlant(BodilessPlant):
     """A batch of robots that follow the extended model; each may have its own parameters.
 
     Attributes:
@@ -52,30 +52,9 @@ class ExtendedPlant:
         """(nsim, 2) setpoints of the wheels (right, left)."""
         return np.array(self._setpoint)
 
-    def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """Refused as by the analytic plant.
-
-        Raises:
-            InputError: always, if there is a force.
-        """
-        if forces_n:
-            raise InputError("plant.pushes: only plant.kind = 'contact' can be pushed")
-
-    def joint_positions(self) -> FloatArray:
-        """(nsim, 0): the model has no joints."""
-        return np.empty((self.nsim, 0))
-
-    def contact_readings(self) -> FloatArray:
-        """(nsim, 0, 15): the model has no contacts."""
-        return np.empty((self.nsim, 0, 15))
-
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
         return np.asarray(~np.isfinite(self._q.sum(axis=1) + self._swing_rate))
-
-    def fault(self, index: int) -> str:
-        """What broke in one failed simulation."""
-        return f"the state is not finite: {self._q[index].tolist()}"
 
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds for a number of steps; the servo's limits apply."""
