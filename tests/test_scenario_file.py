@@ -270,3 +270,25 @@ def test_the_schema_describes_every_shipped_key() -> None:
     assert schema["properties"]["duration_s"]["exclusiveMinimum"] == 0
     assert schema["additionalProperties"] is False
     assert {"Tractor", "Servo", "CircleReference", "ContactOptions"} <= set(schema["$defs"])
+
+
+@pytest.mark.parametrize("damage", ["no notes", "no numbers", "a column less", "times fall", "nan"])
+def test_a_damaged_plan_is_refused(damage: str, tmp_path: Path) -> None:
+    data = Path(__file__).parent.parent / "ttwmr_mj" / "references" / "data"
+    lines = (data / "rest_to_rest.csv").read_text(encoding="utf-8").splitlines()
+    notes = [line for line in lines if line.startswith("#")]
+    head, *rows = [line for line in lines if not line.startswith("#")]
+    match damage:
+        case "no notes":
+            notes = []
+        case "no numbers":
+            rows = ["hello"] * len(rows)
+        case "a column less":
+            rows = [row.rsplit(",", 1)[0] for row in rows]
+        case "times fall":
+            rows = rows[::-1]
+        case "nan":
+            rows[3] = rows[3].rsplit(",", 1)[0] + ",nan"
+    (tmp_path / "mine.csv").write_text("\n".join([*notes, head, *rows]) + "\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"reference\.plan: .*mine\.csv is no plan"):
+        load_scenario("rest_to_rest", [f"reference.plan={tmp_path / 'mine.csv'}"])

@@ -19,6 +19,7 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
 COLUMNS = ("time_s", "x_m", "y_m", "theta1_rad", "theta2_rad")
+ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
 AT_REST = [(order, np.zeros(4)) for order in (1, 2, 3)]
 LENGTH_TOLERANCE_M = 1e-4  # of the swing length; a wrong one moves F by the difference
@@ -42,7 +43,7 @@ class Planned:
         robot: must have the swing length the plan was made for.
 
     Raises:
-        InputError: there is no such plan, or it was made for another robot.
+        InputError: there is no such plan, it is damaged, or it was made for another robot.
     """
 
     plan: str
@@ -55,13 +56,28 @@ class Planned:
                 f"reference.plan: got {self.plan!r}; allowed: {', '.join(shipped_plans())}, or a "
                 "file of python -m ttwmr_mj.planning"
             )
-        length = float(self._notes["swing_length_m"])
+        try:
+            length, ends = float(self._notes["swing_length_m"]), self._notes["ends"]
+            table = self._table
+        except (KeyError, ValueError) as error:  # a note is missing, or no number is one
+            raise InputError(self._damaged()) from error
+        whole = table.ndim == 2 and table.shape[1] == len(COLUMNS) and len(table) > DEGREE
+        sound = whole and np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()
+        if not (sound and ends in ENDS):
+            raise InputError(self._damaged())
         if abs(length - self.robot.swing_length_m) > LENGTH_TOLERANCE_M:
             raise InputError(
                 f"reference.plan: {self.plan} was made for a trailer with l + J2/(m2·l) = "
                 f"{length:g} m, got {self.robot.swing_length_m:g} m: restore robot.trailer, or "
                 "make a plan for this robot with ttwmr_mj.planning"
             )
+
+    def _damaged(self) -> str:
+        return (
+            f"reference.plan: {self.plan} is no plan; allowed: a file of python -m "
+            "ttwmr_mj.planning, with its notes (# swing_length_m, # ends) and the columns "
+            f"{', '.join(COLUMNS)} of finite numbers, times rising"
+        )
 
     @property
     def duration_s(self) -> float:
@@ -107,7 +123,7 @@ class Planned:
 
     @property
     def _periodic(self) -> bool:
-        return self._notes["ends"] == "as it began"
+        return self._notes["ends"] == ENDS[0]
 
     @cached_property
     def _spline(self) -> BSpline:
