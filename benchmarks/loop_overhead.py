@@ -21,11 +21,11 @@ from time import perf_counter
 import mujoco
 import numpy as np
 
-from ttwmr_mj.experiment import Experiment
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.run import Run, run_scenario
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.run.execute import Run, run_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 OVERRIDES = ["output.figures=false"]  # drawings are no part of the loop; timed apart below
 

@@ -22,21 +22,20 @@ import cv2
 import mujoco
 import numpy as np
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model, build_spec
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision import constellation
-from ttwmr_mj.vision.calibration import calibrate_virtual
-from ttwmr_mj.vision.camera import CameraModel
-from ttwmr_mj.vision.detection import Detector
-from ttwmr_mj.vision.labels import NAMES, LabelLayout
+from ttwmr_mj.state import FloatArray, wrap
+from ttwmr_mj.vision.calibration.calibrate import calibrate_virtual
+from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
+from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, Distractor, TrackerOptions
-from ttwmr_mj.vision.pose import solve_pose
-from ttwmr_mj.vision.renderer import Image
-from ttwmr_mj.vision.tracking import Tracker
-from ttwmr_mj.vision.virtual_camera import VirtualCamera
+from ttwmr_mj.vision.tracking import constellation
+from ttwmr_mj.vision.tracking.detection import Detector
+from ttwmr_mj.vision.tracking.pose import solve_pose
+from ttwmr_mj.vision.tracking.tracker import Tracker
 
 SEED = 20240
 POSES = 2000

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from ttwmr_mj.dynamics import hitch, hybrid, kinematics
+from ttwmr_mj.dynamics import hitch, hybrid, kinematics, servo
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants import servo
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import FloatArray, RobotState

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.studies import basin
-from ttwmr_mj.studies.basin import map_basin
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.studies.basin import basin
+from ttwmr_mj.studies.basin.basin import map_basin
 
 
 @pytest.mark.parametrize("coarsest", [1, 2, 8])

@@ -18,9 +18,9 @@ import pytest
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.studies.bench.scoring import LAST_CENTRE, LAST_P, _combined, _last_error, lost_reason
 from ttwmr_mj.studies.bench.suite import check_rows, load_suite, rows_of
-from ttwmr_mj.trajectory import Trajectory
 
 SUITE = """
 name = "mine"

@@ -11,12 +11,12 @@ import pytest
 
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.metrics import score
-from ttwmr_mj.run import run_scenario
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.trajectory import Trajectory
-from ttwmr_mj.vision.frame import FIRST_LABEL_CLASS
+from ttwmr_mj.results.metrics import score
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.run.execute import run_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS
 
 FAULTS = ("camera_dropped", "camera_blackout", "camera_occluder", "camera_distractor")
 

@@ -13,14 +13,14 @@ import pyarrow.parquet as pq
 import pytest
 
 from ttwmr_mj.assets import shipped_scenarios
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.scenario.file import load_scenario
 
 QUICK = ["--set", "duration_s=1.0", "--set", "output.figures=false"]
 
 
 HELP_IMPORTS = """
 import sys
-from ttwmr_mj.cli import main
+from ttwmr_mj.cli.main import main
 try:
     main(["--help"])
 except SystemExit:

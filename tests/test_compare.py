@@ -11,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ttwmr_mj.cli import main
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.dynamics.hybrid import swing_energy
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import check_scenario
+from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
@@ -219,7 +219,7 @@ def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> 
     ],
 )
 def test_contradictions_are_refused(tmp_path: Path, options: Options, message: str) -> None:
-    from ttwmr_mj.scenario_file import load_scenario
+    from ttwmr_mj.scenario.file import load_scenario
 
     with pytest.raises(InputError, match=message):
         compare_scenario(load_scenario("open_loop_turn"), tmp_path, options)
@@ -232,7 +232,7 @@ def test_tolerances_are_known_before_anything_runs() -> None:
 
 @pytest.mark.parametrize("mode", ["open_loop", "closed_loop"])
 def test_the_lab_circle_deviates_by_less_than_a_thousandth_of_its_path(mode: Any) -> None:
-    from ttwmr_mj.scenario_file import load_scenario
+    from ttwmr_mj.scenario.file import load_scenario
 
     scenario = load_scenario("lab_circle", ["duration_s=20.0"])
     pair = run_pair(scenario, mode, real_wheels=mode == "open_loop")

@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 from test_compare import TURN, open_loop, run_commands
 
-from ttwmr_mj.build import driven_robot
 from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.run.build import driven_robot
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.attribution import QUANTITIES, Attribution, Row, attribute
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
-from ttwmr_mj.studies.compare.fit import DIFFERENCES, MAX_STEP_S, SCALES, fit
+from ttwmr_mj.studies.compare.fit.fit import DIFFERENCES, MAX_STEP_S, SCALES, fit
+from ttwmr_mj.studies.compare.fit.shooting import Shooting
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
-from ttwmr_mj.studies.compare.shooting import Shooting
 from ttwmr_mj.studies.compare.variant import changed
-from ttwmr_mj.trajectory import Trajectory
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 
@@ -179,7 +179,7 @@ def test_shooting_marches_where_newton_does_not_close_the_gaps(
         [getattr(ExtendedParameters.expected(run.robot), name) for name in SCALES], np.float64
     )
     q, slope = Shooting(run, DIFFERENCES, MAX_STEP_S).run(values)
-    monkeypatch.setattr("ttwmr_mj.studies.compare.shooting.MAX_ROUNDS", 0)
+    monkeypatch.setattr("ttwmr_mj.studies.compare.fit.shooting.MAX_ROUNDS", 0)
     marched, same_slope = Shooting(run, DIFFERENCES, MAX_STEP_S).run(values)
     np.testing.assert_allclose(q, marched, rtol=0, atol=1e-12)
     np.testing.assert_allclose(slope, same_slope, rtol=0, atol=1e-12)

@@ -8,13 +8,13 @@ import pytest
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.lyapunov import Lyapunov, law, singular_term
 from ttwmr_mj.controllers.open_loop import OpenLoop
-from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.hybrid import acceleration_from_twist
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.scenario import LyapunovController, OpenLoopController, WheelSegment
+from ttwmr_mj.scenario.schema import LyapunovController, OpenLoopController, WheelSegment
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState
 

@@ -14,9 +14,9 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from ttwmr_mj.deadline import Deadline, Overrun
-from ttwmr_mj.experiment import Experiment, Result
-from ttwmr_mj.scenario_file import check_scenario
+from ttwmr_mj.run.deadline import Deadline, Overrun
+from ttwmr_mj.run.experiment import Experiment, Result
+from ttwmr_mj.scenario.file import check_scenario
 
 SCENARIO = """
 name = "mine"

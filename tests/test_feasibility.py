@@ -7,10 +7,10 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.references.feasibility import Feasibility, check_feasibility
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned, shipped_plans
+from ttwmr_mj.references.shared.feasibility import Feasibility, check_feasibility
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
 FAST = RobotParameters(servo=Servo(preset="fast"))

@@ -10,10 +10,10 @@ import cv2
 import numpy as np
 import pytest
 
-from ttwmr_mj.figures import write_run_figures
+from ttwmr_mj.figures.run_figures import write_run_figures
 from ttwmr_mj.references.circle import Circle
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.trajectory import Trajectory
 
 NAMES = ("paths", "x", "y", "theta1", "theta2", "wheel_speeds", "errors", "hitch_angle")
 ROBOT = RobotParameters()
@@ -108,5 +108,5 @@ def test_a_failed_figure_leaves_no_file(
 
 
 def test_importing_the_module_does_not_import_matplotlib() -> None:
-    code = "import sys, ttwmr_mj.figures; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, ttwmr_mj.figures.run_figures; sys.exit('matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -9,13 +9,13 @@ import pytest
 
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.metrics import score
-from ttwmr_mj.references.feasibility import check_feasibility
 from ttwmr_mj.references.flat_arc import FlatArc
 from ttwmr_mj.references.flat_circle import FlatCircle
+from ttwmr_mj.references.shared.feasibility import check_feasibility
+from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 ARC = FlatArc(

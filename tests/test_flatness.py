@@ -7,22 +7,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ttwmr_mj.controllers.observer import Observer, kalman_gain
 from ttwmr_mj.controllers.options import FlatnessController, ObserverOptions
+from ttwmr_mj.controllers.shared.observer import Observer, kalman_gain
 from ttwmr_mj.dynamics.flatness import flat_from_motion, motion_from_flat
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.metrics import Metrics, score
 from ttwmr_mj.plants.analytic import AnalyticPlant
-from ttwmr_mj.references.flat import FlatReference
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.options import FlatEllipseReference
+from ttwmr_mj.references.shared.flat_reference import FlatReference
+from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState
 

@@ -19,12 +19,12 @@ from ttwmr_mj.controllers.lyapunov_pid import (
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
 from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.scenario import LyapunovController, LyapunovPidController
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState
 

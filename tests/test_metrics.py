@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ttwmr_mj.metrics import point_behind, score
+from ttwmr_mj.results.metrics import point_behind, score
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.trajectory import Trajectory
 
 ROBOT = RobotParameters()
 

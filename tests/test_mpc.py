@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from ttwmr_mj.build import initial_state, make_controller, sample_reference
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.mpc import Mpc
 from ttwmr_mj.controllers.options import MpcController, TvlqrController
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.metrics import score
-from ttwmr_mj.run import result_text, run_scenario
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.results.metrics import score
+from ttwmr_mj.results.trajectory import read_parquet
+from ttwmr_mj.run.build import initial_state, make_controller, sample_reference
+from ttwmr_mj.run.execute import result_text, run_scenario
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.trajectory import read_parquet
 
 PERIOD = 0.033
 MPC = MpcController(kind="mpc", horizon_samples=20)
@@ -102,7 +102,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     scenario = with_mpc("outer_circle", "plant.kind=analytic", "duration_s=0.4", *quiet)
     usual = Experiment(scenario).run().trajectory
     clock = iter(0.04 * np.arange(10_000))  # every command takes 40 ms
-    monkeypatch.setattr("ttwmr_mj.stopwatch.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("ttwmr_mj.run.stopwatch.perf_counter", lambda: next(clock))
     metrics = run_scenario(scenario, tmp_path).metrics
     assert metrics["control_overruns"] == len(usual)
     assert metrics["control_slowest_s"] == pytest.approx(0.04)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from ttwmr_mj.cli import make_parser
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.cli.main import make_parser
+from ttwmr_mj.scenario.file import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")

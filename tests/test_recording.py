@@ -17,19 +17,19 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from ttwmr_mj.curves import Curves, trailer_com
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.lyapunov_log import lyapunov_log
 from ttwmr_mj.plants.contact import CONTACTS, ContactPlant, read_contacts
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import RunRecorder
 from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.results.curves import Curves, trailer_com
+from ttwmr_mj.results.lyapunov_log import lyapunov_log
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario import LyapunovController
+from ttwmr_mj.scenario.schema import LyapunovController
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.trajectory import Trajectory
 
 ROBOT = RobotParameters()
 PERIOD_S = 0.033
@@ -365,7 +365,7 @@ from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import RunRecorder
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import Trajectory
 
 robot = RobotParameters()
 rows = Trajectory.empty(0.033 * np.arange(90), 1)

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.references.base import Reference
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
+from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.time_law import TimeLaw
 from ttwmr_mj.references.straight_line import StraightLine
-from ttwmr_mj.references.time_law import TimeLaw
 from ttwmr_mj.references.waypoints import Waypoints
 
 CORNERS = ((0.0, 0.0), (0.6, 0.1), (0.9, 0.6), (0.3, 0.9), (-0.2, 0.5))

@@ -17,22 +17,24 @@ import pytest
 from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import law
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Outcome
-from ttwmr_mj.lyapunov_log import lyapunov_log
-from ttwmr_mj.reproduce_figures import DRAWERS
+from ttwmr_mj.results.lyapunov_log import lyapunov_log
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario import LyapunovController, LyapunovPidController
-from ttwmr_mj.studies.reproduce import execute, phase_plane, proofs, runs
-from ttwmr_mj.studies.reproduce.claims import CLAIMS
+from ttwmr_mj.run.experiment import Outcome
+from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
+from ttwmr_mj.studies.reproduce import execute, runs
+from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.claims.judging import Judgement, verdict_of
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.figures import FIGURES
-from ttwmr_mj.studies.reproduce.ideal import IdealLoop, sampled, solve
-from ttwmr_mj.studies.reproduce.judging import Judgement, verdict_of
+from ttwmr_mj.studies.reproduce.figures.drawings import DRAWERS
+from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
+from ttwmr_mj.studies.reproduce.ideal import phase_plane
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
+from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
+from ttwmr_mj.studies.reproduce.proofs import proofs
 from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE, RUNS, RunSpec
-from ttwmr_mj.studies.reproduce.studies import STUDIES
 from ttwmr_mj.studies.reproduce.study import reproduce
-from ttwmr_mj.trajectory import Trajectory
 
 LAWS = [
     LyapunovController(kind="lyapunov"),
@@ -280,7 +282,7 @@ def test_an_interrupted_run_is_not_finished(
     def interrupted(*_: object, **__: object) -> SimpleNamespace:
         return SimpleNamespace(outcome=Outcome("interrupted", "stopped by the user", 0.1))
 
-    monkeypatch.setattr("ttwmr_mj.run.run_scenario", interrupted)
+    monkeypatch.setattr("ttwmr_mj.run.execute.run_scenario", interrupted)
     with pytest.raises(KeyboardInterrupt):
         execute.do_run(tmp_path, short_run)
     assert not execute.run_is_done(tmp_path, short_run)
@@ -317,7 +319,8 @@ def test_a_folder_with_something_else_in_it_is_refused(tmp_path: Path) -> None:
 
 def test_importing_the_study_imports_no_matplotlib_sympy_or_mujoco() -> None:
     code = (
-        "import sys, ttwmr_mj.studies.reproduce.study as _, ttwmr_mj.reproduce_figures as __;"
+        "import sys, ttwmr_mj.studies.reproduce.study;"
+        "import ttwmr_mj.studies.reproduce.figures.drawings;"
         "sys.exit(any(m in sys.modules for m in ('matplotlib', 'sympy', 'mujoco', 'jinja2')))"
     )
     subprocess.run([sys.executable, "-c", code], check=True)

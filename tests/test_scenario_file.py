@@ -10,8 +10,8 @@ import pytest
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import check_scenario, dump_scenario, load_scenario, set_value
+from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario, set_value
+from ttwmr_mj.scenario.schema import Scenario
 
 GOOD = """
 name = "mine"

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import shipped_scenarios
-from ttwmr_mj.experiment import Experiment, Result
-from ttwmr_mj.metrics import Metrics, score
-from ttwmr_mj.scenario import CustomController
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.results.metrics import Metrics, score
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.run.experiment import Experiment, Result
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import CustomController
 
 PLANTS = ("contact", "analytic")
 

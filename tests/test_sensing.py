@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.build import generators
-from ttwmr_mj.scenario import TruthSensing
+from ttwmr_mj.run.build import generators
+from ttwmr_mj.scenario.schema import TruthSensing
 from ttwmr_mj.sensing import TruthSensor
 from ttwmr_mj.state import RobotState
 

@@ -11,17 +11,17 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.cli import make_parser
-from ttwmr_mj.controllers.friction import HitchFriction
+from ttwmr_mj.cli.main import make_parser
 from ttwmr_mj.controllers.options import FrictionOptions
-from ttwmr_mj.controllers.transition import WaysBack, way_back
+from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.metrics import point_behind
 from ttwmr_mj.references.flat_circle import FlatCircle
+from ttwmr_mj.results.metrics import point_behind
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 PERIOD = 0.033

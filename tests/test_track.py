@@ -12,9 +12,9 @@ import pyarrow.parquet as pq
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
 
 CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
 RATE_HZ = 1.0 / 0.033

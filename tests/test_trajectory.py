@@ -11,9 +11,10 @@ import pyarrow.parquet as pq
 import pytest
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.trajectory import Trajectory, read_parquet, to_table, write_parquet
+from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.trajectory import Trajectory, read_parquet, to_table
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.file import load_scenario
 
 # the contract with everyone who reads run folders
 COLUMNS = """time_s x_m y_m theta1_rad theta2_rad x_rate_m_s y_rate_m_s theta1_rate_rad_s

@@ -7,18 +7,18 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from ttwmr_mj.controllers.options import TrackingWeights, TvlqrController
-from ttwmr_mj.controllers.riccati import backward
-from ttwmr_mj.controllers.tracking_problem import TrackingProblem
+from ttwmr_mj.controllers.shared.riccati import backward
+from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem
 from ttwmr_mj.controllers.tvlqr import fit
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.experiment import Experiment, Result
-from ttwmr_mj.metrics import score
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
+from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.run.experiment import Experiment, Result
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 PERIOD = 0.033

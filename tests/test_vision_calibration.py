@@ -10,10 +10,10 @@ import pytest
 from vision_scene import lab_calibration, model
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.board import BoardCamera, BoardDetector
-from ttwmr_mj.vision.calibration import BoardViews, calibrate, calibrate_images
-from ttwmr_mj.vision.calibration_file import load_calibration, save_calibration
-from ttwmr_mj.vision.camera import true_camera
+from ttwmr_mj.vision.calibration.board import BoardCamera, BoardDetector
+from ttwmr_mj.vision.calibration.calibrate import BoardViews, calibrate, calibrate_images
+from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
+from ttwmr_mj.vision.camera.model import true_camera
 from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions
 
 

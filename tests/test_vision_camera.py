@@ -8,11 +8,11 @@ import pytest
 from vision_scene import model
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.camera import CameraModel, coefficients, distort, true_camera, undistort
-from ttwmr_mj.vision.labels import NAMES, read_layout
-from ttwmr_mj.vision.lens import LensMap
+from ttwmr_mj.vision.camera.labels import NAMES, read_layout
+from ttwmr_mj.vision.camera.lens import LensMap
+from ttwmr_mj.vision.camera.model import CameraModel, coefficients, distort, true_camera, undistort
 from ttwmr_mj.vision.options import LAB_CAMERA, LAB_LENS, CameraOptions, Lens
-from ttwmr_mj.vision.pose import label_jacobian, solve_pose
+from ttwmr_mj.vision.tracking.pose import label_jacobian, solve_pose
 
 
 def lab() -> CameraModel:

@@ -6,16 +6,15 @@ import numpy as np
 import pytest
 from vision_scene import camera, lab_calibration, random_pose, with_faults
 
-from ttwmr_mj.angles import wrap
-from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision import constellation
-from ttwmr_mj.vision.camera import CameraModel
-from ttwmr_mj.vision.detection import Candidates, Detector
-from ttwmr_mj.vision.frame import Frame
-from ttwmr_mj.vision.labels import LabelLayout
+from ttwmr_mj.state import FloatArray, wrap
+from ttwmr_mj.vision.camera.frame import Frame
+from ttwmr_mj.vision.camera.labels import LabelLayout
+from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, Distractor
-from ttwmr_mj.vision.restoration import blobs, label_sized, neutral_colour
-from ttwmr_mj.vision.virtual_camera import VirtualCamera
+from ttwmr_mj.vision.tracking import constellation
+from ttwmr_mj.vision.tracking.detection import Candidates, Detector
+from ttwmr_mj.vision.tracking.restoration import blobs, label_sized, neutral_colour
 
 STILL = np.zeros(4)
 

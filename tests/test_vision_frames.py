@@ -7,10 +7,12 @@ import pytest
 from vision_scene import camera, random_pose, with_faults
 
 from ttwmr_mj.errors import MachineError
-from ttwmr_mj.vision import gl
-from ttwmr_mj.vision.delivery import DeliveryFaults
-from ttwmr_mj.vision.frame import DISTRACTOR_CLASS, FIRST_LABEL_CLASS, OCCLUDER_CLASS, Frame
-from ttwmr_mj.vision.noise import SensorNoise
+from ttwmr_mj.vision.camera import gl
+from ttwmr_mj.vision.camera.delivery import DeliveryFaults
+from ttwmr_mj.vision.camera.frame import DISTRACTOR_CLASS, FIRST_LABEL_CLASS, OCCLUDER_CLASS, Frame
+from ttwmr_mj.vision.camera.noise import SensorNoise
+from ttwmr_mj.vision.camera.renderer import Region
+from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.options import (
     LAB_CAMERA,
     CameraOptions,
@@ -20,8 +22,6 @@ from ttwmr_mj.vision.options import (
     Noise,
     Window,
 )
-from ttwmr_mj.vision.renderer import Region
-from ttwmr_mj.vision.virtual_camera import VirtualCamera
 
 POSE = np.array([0.3, 0.2, 0.5, 1.4])
 STILL = np.zeros(4)

@@ -10,17 +10,16 @@ import pytest
 from scipy import stats
 from vision_scene import ROBOT, lab_calibration, model, with_faults
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.robot import Hitch
-from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.vision.commands import CommandHistory
-from ttwmr_mj.vision.motion import SIZE, Belief, MotionModel
+from ttwmr_mj.state import FloatArray, RobotState, wrap
 from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, TrackerOptions
 from ttwmr_mj.vision.sensor import CameraSensor
-from ttwmr_mj.vision.tracking import Status
+from ttwmr_mj.vision.tracking.commands import CommandHistory
+from ttwmr_mj.vision.tracking.motion import SIZE, Belief, MotionModel
+from ttwmr_mj.vision.tracking.tracker import Status
 
 PERIOD_S = 0.033
 PERIODS = 150

@@ -2,6 +2,6 @@
 
 import sys
 
-from ttwmr_mj.cli import main
+from ttwmr_mj.cli.main import main
 
 sys.exit(main())

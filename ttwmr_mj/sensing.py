@@ -4,14 +4,26 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, Literal, Protocol, TypeVar
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.scenario import TruthSensing
+from ttwmr_mj.robot import Config
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 T = TypeVar("T")
+
+
+class TruthSensing(Config):
+    """The true state, late and noisy if asked."""
+
+    kind: Literal["truth"] = "truth"
+    latency_s: float = Field(default=0.0, ge=0, le=10, description="whole control periods")
+    position_noise_m: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
+    angle_noise_rad: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
+    velocity_noise_m_s: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
+    rate_noise_rad_s: float = Field(default=0.0, ge=0, le=100, description="standard deviation")
 
 
 @dataclass(frozen=True, slots=True)

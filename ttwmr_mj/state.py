@@ -1,4 +1,4 @@
-"""The robot's state as the article writes it, for a batch of simulations."""
+"""The robot's state for a batch of simulations, and angles on the circle."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
 X, Y, THETA1, THETA2 = range(4)  # columns of q (Eq. 2)
+TWO_PI = 2.0 * np.pi
 RIGHT, LEFT = range(2)  # columns of wheel speeds: (ω_r, ω_l) as in Eq. 8-9
 
 
@@ -46,3 +47,13 @@ class RobotState:
     def hitch_angle_rad(self) -> FloatArray:
         """θ2 − θ1, (nsim,) [rad]: the hinge coordinate of the trailer on the tractor."""
         return self.q[:, THETA2] - self.q[:, THETA1]
+
+
+def wrap(angle_rad: FloatArray) -> FloatArray:
+    """The same angles in [−π, π) [rad], any shape."""
+    return (angle_rad + np.pi) % TWO_PI - np.pi
+
+
+def unwrap_near(angle_rad: FloatArray, previous_rad: FloatArray) -> FloatArray:
+    """The representative of each angle that lies within π of the previous one [rad]."""
+    return previous_rad + wrap(angle_rad - previous_rad)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import BoolArray, FloatArray

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import CustomController
+from ttwmr_mj.scenario.schema import CustomController
 
 
 def load_controller(options: CustomController, folder: Path) -> Controller:

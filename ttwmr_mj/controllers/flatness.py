@@ -39,11 +39,11 @@ from __future__ import annotations
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.friction import HitchFriction
-from ttwmr_mj.controllers.observer import Observer, Seen, wheels_turn
 from ttwmr_mj.controllers.options import FlatnessController
-from ttwmr_mj.controllers.transition import WaysBack
-from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.controllers.shared.observer import Observer, Seen, wheels_turn
+from ttwmr_mj.controllers.shared.transition import WaysBack
+from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.flatness import ComplexArray, dot, trailer_axes
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel

@@ -25,9 +25,9 @@ from functools import cache
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import LyapunovController
+from ttwmr_mj.scenario.schema import LyapunovController
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray
 

@@ -30,14 +30,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.controllers.lyapunov import gains, law
-from ttwmr_mj.controllers.wheels import AccelerationToWheels
+from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import LyapunovPidController
+from ttwmr_mj.scenario.schema import LyapunovPidController
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, wrap
 
 
 def denominator(

@@ -31,19 +31,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.friction import HitchFriction
-from ttwmr_mj.controllers.limits import possible_command
-from ttwmr_mj.controllers.observer import Observer, Seen
 from ttwmr_mj.controllers.options import MpcController
-from ttwmr_mj.controllers.riccati import backward
-from ttwmr_mj.controllers.tracking_problem import STATES, Target, TrackingProblem
+from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.controllers.shared.limits import possible_command
+from ttwmr_mj.controllers.shared.observer import Observer, Seen
+from ttwmr_mj.controllers.shared.riccati import backward
+from ttwmr_mj.controllers.shared.tracking_problem import STATES, Target, TrackingProblem
 from ttwmr_mj.controllers.tvlqr import apply, fit, with_disturbances
 from ttwmr_mj.dynamics.sampled import BODY, SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import FloatArray, wrap
 
 STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])  # of the Gauss-Newton step; zero is the last plan
 PREDICTION_SUBSTEP_S = 0.017  # coarser than the observer's: only differences matter

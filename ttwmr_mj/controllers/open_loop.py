@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.scenario import OpenLoopController
+from ttwmr_mj.scenario.schema import OpenLoopController
 from ttwmr_mj.sensing import Estimate
 
 

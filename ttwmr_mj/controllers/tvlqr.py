@@ -24,14 +24,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.friction import HitchFriction
-from ttwmr_mj.controllers.limits import possible_command
-from ttwmr_mj.controllers.observer import Observer, Seen
 from ttwmr_mj.controllers.options import TvlqrController
-from ttwmr_mj.controllers.riccati import Policy, backward
-from ttwmr_mj.controllers.tracking_problem import (
+from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.controllers.shared.limits import possible_command
+from ttwmr_mj.controllers.shared.observer import Observer, Seen
+from ttwmr_mj.controllers.shared.riccati import Policy, backward
+from ttwmr_mj.controllers.shared.tracking_problem import (
     DISTURBANCES,
     INPUTS,
     RESIDUALS,
@@ -43,7 +42,7 @@ from ttwmr_mj.controllers.tracking_problem import (
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import FloatArray, wrap
 
 FITTING_PASSES = 30
 FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ttwmr_mj.angles import wrap
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA2, FloatArray
+from ttwmr_mj.state import THETA2, FloatArray, wrap
 
 
 def trailer_acceleration(

@@ -19,9 +19,9 @@ from ttwmr_mj.dynamics.kinematics import (
     wheels_from_twist,
     workspace_rate,
 )
+from ttwmr_mj.dynamics.servo import limit_speed, ramp
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.bodiless import BodilessPlant
-from ttwmr_mj.plants.servo import limit_speed, ramp
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState

@@ -11,12 +11,11 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
-from ttwmr_mj.angles import unwrap_near
+from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
-from ttwmr_mj.plants.servo import ramp
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
 # How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.dynamics.extended import ExtendedModel
-from ttwmr_mj.plants.servo import limit_speed
+from ttwmr_mj.dynamics.servo import limit_speed
 from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import FloatArray, RobotState
 

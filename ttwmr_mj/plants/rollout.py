@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.dynamics.kinematics import q_rate as q_rate_of
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, workspace_rate
+from ttwmr_mj.dynamics.servo import limit_speed
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.quadrature import Rule, integrals, rule_for
-from ttwmr_mj.plants.servo import limit_speed
 from ttwmr_mj.plants.taylor import TOO_VIOLENT, Ramp, Room, Series
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.state import FloatArray, RobotState

@@ -9,7 +9,7 @@ from rerun import TimeRange, TimeRangeBoundary
 from ttwmr_mj.recording.plots import LYAPUNOV, PLOTS, SENSING
 from ttwmr_mj.recording.scene import P_MARKER, TRACTOR_PATH, TRAILER_PATH
 from ttwmr_mj.recording.timeline import TIMELINE
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.state import FloatArray
 
 REPORT = "report"

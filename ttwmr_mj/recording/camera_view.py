@@ -12,10 +12,10 @@ from ttwmr_mj.recording import style
 from ttwmr_mj.recording.blueprint import PICTURE
 from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera import CameraModel
-from ttwmr_mj.vision.labels import LabelLayout
+from ttwmr_mj.vision.camera.labels import LabelLayout
+from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.log import CameraRecord
-from ttwmr_mj.vision.tracking import Status
+from ttwmr_mj.vision.tracking.tracker import Status
 
 TRACKER = "flags/tracker"
 JPEG_QUALITY = 60  # the sensor's noise makes pictures large: 20 KiB at 60, 34 KiB at 80

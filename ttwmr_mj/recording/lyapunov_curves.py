@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from ttwmr_mj.lyapunov_log import lyapunov_function
 from ttwmr_mj.recording.plots import Values
-from ttwmr_mj.scenario import LyapunovController
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.results.lyapunov_log import lyapunov_function
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.scenario.schema import LyapunovController
 
 
 class LyapunovCurves:

@@ -8,13 +8,12 @@ import numpy as np
 import rerun as rr
 from rerun.blueprint import Corner2D
 
-from ttwmr_mj.angles import wrap
-from ttwmr_mj.curves import Curves
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.timeline import time_column
-from ttwmr_mj.state import BoolArray, FloatArray
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
 # plot → series → values (n, curves), NaN where undefined
 Values = dict[str, dict[str, FloatArray]]

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.plants.mjcf import WHEELS
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray
-from ttwmr_mj.trajectory import Trajectory
 
 
 class BodyPoses:

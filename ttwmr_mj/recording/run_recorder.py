@@ -10,22 +10,22 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from ttwmr_mj.curves import Curves
 from ttwmr_mj.recording.blueprint import REPORT, blueprint
 from ttwmr_mj.recording.lyapunov_curves import LyapunovCurves
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, floor_corners
 from ttwmr_mj.recording.timeline import time_column
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario import LyapunovController
-from ttwmr_mj.trajectory import Trajectory
+from ttwmr_mj.scenario.schema import LyapunovController
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
-    from ttwmr_mj.vision.camera import CameraModel
-    from ttwmr_mj.vision.labels import LabelLayout
+    from ttwmr_mj.vision.camera.labels import LabelLayout
+    from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord
 
 # 10 pictures a second: encoding all 30 would take a fifth of the time of a run

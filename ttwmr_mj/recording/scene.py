@@ -6,15 +6,15 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from ttwmr_mj.curves import Curves, trailer_com
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.timeline import time_column
-from ttwmr_mj.references.path import ReferencePath
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.results.curves import Curves, trailer_com
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.trajectory import Trajectory
 
 TRACTOR_PATH = "world/driven/tractor"
 TRAILER_PATH = "world/driven/trailer"

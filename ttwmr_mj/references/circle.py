@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.references.base import Reference
-from ttwmr_mj.references.time_law import ORDERS, TimeLaw
+from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
 from ttwmr_mj.state import FloatArray
 
 

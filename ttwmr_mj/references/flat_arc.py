@@ -8,7 +8,7 @@ from math import comb
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from ttwmr_mj.references.flat import FLAT_ORDERS, FlatReference
+from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
 from ttwmr_mj.state import FloatArray
 
 # 0 at both ends with five derivatives, 1 in the middle: the angle is C⁶, as many as F needs

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ttwmr_mj.references.flat import FlatReference
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
+from ttwmr_mj.references.shared.flat_reference import FlatReference
 from ttwmr_mj.state import FloatArray
 
 

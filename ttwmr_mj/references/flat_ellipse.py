@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.references.flat import FLAT_ORDERS, FlatReference
+from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
 from ttwmr_mj.state import FloatArray
 
 

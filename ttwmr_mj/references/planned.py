@@ -13,8 +13,8 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import centre_derivatives
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.references.path import ReferencePath
-from ttwmr_mj.references.time_law import ORDERS
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.time_law import ORDERS
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 

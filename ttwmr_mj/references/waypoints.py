@@ -9,8 +9,8 @@ import numpy as np
 from scipy.interpolate import BSpline, make_interp_spline
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.references.base import Reference
-from ttwmr_mj.references.time_law import ORDERS, TimeLaw
+from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
 from ttwmr_mj.state import FloatArray
 
 DEGREE = 5  # continuous to the fourth derivative

@@ -14,9 +14,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ttwmr_mj.run_folder import write_text
-from ttwmr_mj.vision.frame import FIRST_LABEL_CLASS, TRACTOR_CLASS, Frame
-from ttwmr_mj.vision.labels import COUNT, NAMES
+from ttwmr_mj.files import write_text
+from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS, TRACTOR_CLASS, Frame
+from ttwmr_mj.vision.camera.labels import COUNT, NAMES
 from ttwmr_mj.vision.log import CameraRecord
 
 HIDDEN_SHARE = 0.5  # a label of which less can be seen is annotated, but not as visible

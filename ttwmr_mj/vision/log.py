@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from ttwmr_mj.vision.frame import Frame
+from ttwmr_mj.vision.camera.frame import Frame
 
 if TYPE_CHECKING:
-    from ttwmr_mj.vision.tracking import Sighting, TrackEstimate
+    from ttwmr_mj.vision.tracking.tracker import Sighting, TrackEstimate
 
 
 @dataclass(frozen=True, slots=True)

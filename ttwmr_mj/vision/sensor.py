@@ -13,13 +13,13 @@ from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, LatencyQueue
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.vision.camera import CameraModel
-from ttwmr_mj.vision.delivery import DeliveryFaults
-from ttwmr_mj.vision.frame import Frame
+from ttwmr_mj.vision.camera.delivery import DeliveryFaults
+from ttwmr_mj.vision.camera.frame import Frame
+from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.log import CameraRecord
 from ttwmr_mj.vision.options import CameraOptions, TrackerOptions
-from ttwmr_mj.vision.tracking import Tracker, TrackEstimate
-from ttwmr_mj.vision.virtual_camera import VirtualCamera
+from ttwmr_mj.vision.tracking.tracker import Tracker, TrackEstimate
 
 
 class CameraSensor:

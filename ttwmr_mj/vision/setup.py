@@ -9,9 +9,9 @@ import numpy as np
 
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.vision.calibration import Calibration, calibrate_virtual
-from ttwmr_mj.vision.calibration_file import load_calibration
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
+from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.options import CameraOptions, CameraSensing
 from ttwmr_mj.vision.sensor import CameraSensor
 

@@ -12,7 +12,7 @@ from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
 from threading import Event
 
-from ttwmr_mj.run_folder import write_json
+from ttwmr_mj.files import write_json
 from ttwmr_mj.studies.bench.suite import Row, Suite, check_rows, rows_of
 
 Progress = Callable[[float], None]

@@ -6,7 +6,7 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.run_folder import write_text
+from ttwmr_mj.files import write_parquet, write_text
 from ttwmr_mj.studies.bench.scoring import (
     COLUMNS,
     LOST_CENTRE_M,
@@ -16,7 +16,6 @@ from ttwmr_mj.studies.bench.scoring import (
     Line,
 )
 from ttwmr_mj.studies.bench.suite import AXES
-from ttwmr_mj.trajectory import write_parquet
 
 HEAD = ["controller", *COLUMNS, "failures"]
 RULES = (

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.metrics import Metrics, point_behind, score
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.results.metrics import Metrics, point_behind, score
+from ttwmr_mj.results.trajectory import Trajectory, read_parquet
+from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import is_finished, row_folder
 from ttwmr_mj.studies.bench.suite import AXES, Row, Suite, rows_of
-from ttwmr_mj.trajectory import Trajectory, read_parquet
 
 # column → (metric, scale, how seeds are combined)
 COLUMNS: dict[str, tuple[str, float, str]] = {

@@ -26,8 +26,8 @@ from pydantic import Field, ValidationError
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.robot import Config
-from ttwmr_mj.scenario_faults import Fault, fault_of, suggestion
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.scenario.faults import Fault, fault_of, suggestion
+from ttwmr_mj.scenario.file import load_scenario
 
 Overrides = tuple[str, ...]
 AXES = ("controller", "task", "plant", "sensing", "disturbance")

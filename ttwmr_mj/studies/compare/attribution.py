@@ -31,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import IDEAL_STALL_TORQUE_N_M

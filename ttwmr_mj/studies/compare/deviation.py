@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
-from ttwmr_mj.trajectory import Trajectory
 
 # Bounds whose first crossing is reported: P in metres, angles in radians.
 POSITION_BOUNDS_M = (1e-4, 1e-3, 1e-2)

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.variant import changed
 
 Values = dict[str, Any]

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario_faults import suggestion
+from ttwmr_mj.scenario.faults import suggestion
 
 
 @dataclass(frozen=True, slots=True)

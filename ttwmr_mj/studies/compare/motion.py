@@ -7,19 +7,19 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.build import driven_robot, initial_state, make_plant, sample_reference
 from ttwmr_mj.errors import RunError
-from ttwmr_mj.experiment import Experiment, Outcome
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.rollout import WheelHistory, roll_out
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.run.build import driven_robot, initial_state, make_plant, sample_reference
+from ttwmr_mj.run.experiment import Experiment, Outcome
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
 from ttwmr_mj.studies.compare.variant import changed, on_plant
-from ttwmr_mj.trajectory import Trajectory
 
 
 @dataclass(frozen=True, slots=True)

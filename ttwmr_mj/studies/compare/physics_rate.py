@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.servo import ramp
 from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import FloatArray, RobotState
 

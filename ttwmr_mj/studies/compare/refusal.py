@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 
 def refuse_unlike(scenario: Scenario) -> None:

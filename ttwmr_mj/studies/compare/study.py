@@ -10,12 +10,15 @@ from typing import Any, Literal
 import numpy as np
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import write_json, write_parquet, write_text
 from ttwmr_mj.plants.mjcf import CONTACTS
-from ttwmr_mj.run_folder import write_json, write_manifest, write_resolved, write_text
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
-from ttwmr_mj.studies.compare import attribution, convergence, fit, gate
+from ttwmr_mj.results.trajectory import Trajectory, to_table
+from ttwmr_mj.run.folder import write_manifest, write_resolved
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare import attribution, convergence, gate
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
+from ttwmr_mj.studies.compare.fit import fit
 from ttwmr_mj.studies.compare.motion import (
     ContactRun,
     follow_wheels,
@@ -25,7 +28,6 @@ from ttwmr_mj.studies.compare.motion import (
 )
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
-from ttwmr_mj.trajectory import Trajectory, to_table, write_parquet
 
 SCHEMA_VERSION = 1
 UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on, the first that is another one
@@ -186,11 +188,11 @@ def compare_scenario(
     if fitted:
         write_text(folder / "fitted.toml", fitted.as_toml())
     if options.figures:
-        from ttwmr_mj.compare_figures import write_compare_figures
+        from ttwmr_mj.studies.compare.figures import write_compare_figures
 
         write_compare_figures(pair, folder / "figures", scenario.name, table, orders, fitted)
     if options.recording:
-        from ttwmr_mj.recording.comparison import record_comparison
+        from ttwmr_mj.studies.compare.recording import record_comparison
         from ttwmr_mj.studies.compare.text import markdown
 
         record_comparison(pair, folder / "run.rrd", markdown(report))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, Literal
 
-from ttwmr_mj.scenario import Scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 
 def on_plant(scenario: Scenario, kind: Literal["contact", "analytic"]) -> Scenario:

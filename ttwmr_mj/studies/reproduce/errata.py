@@ -115,9 +115,9 @@ def errata_markdown() -> str:
     """docs/errata.md."""
     parts = [
         "# Errata of the article\n",
-        "Each entry is proved by sympy in `ttwmr_mj.studies.reproduce.proofs`; `ttwmr reproduce` "
-        "shows the proofs and the runs that go with them. This page is written by "
-        "`ttwmr_mj.studies.reproduce.errata.errata_markdown`; a test keeps it so.\n",
+        "Each entry is proved by sympy in `ttwmr_mj.studies.reproduce.proofs.proofs`; "
+        "`ttwmr reproduce` shows the proofs and the runs that go with them. This page is written "
+        "by `ttwmr_mj.studies.reproduce.errata.errata_markdown`; a test keeps it so.\n",
     ]
     parts += [
         f"## {erratum.where}\n\n"

@@ -9,13 +9,13 @@ from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.lyapunov_log import LyapunovLog, lyapunov_log
+from ttwmr_mj.results.lyapunov_log import LyapunovLog, lyapunov_log
+from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario import LyapunovController, Scenario
+from ttwmr_mj.scenario.schema import LyapunovController, Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import Failures, run_folder, study_file
 from ttwmr_mj.studies.reproduce.runs import RUNS
-from ttwmr_mj.trajectory import Trajectory, read_parquet
 
 
 class Evidence:

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import TtwmrError
-from ttwmr_mj.run_folder import write_json, write_text
-from ttwmr_mj.scenario_file import dump_scenario
+from ttwmr_mj.files import write_json, write_text
+from ttwmr_mj.scenario.file import dump_scenario
 from ttwmr_mj.studies.reproduce.fingerprint import code_of_runs, code_of_studies
+from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS
-from ttwmr_mj.studies.reproduce.studies import STUDIES
 
 DONE_FILE = "done"  # written last; holds the fingerprint of the code that ran
 Done = Callable[[float], None]
@@ -95,7 +95,7 @@ def run_is_done(out: Path, name: str) -> bool:
 
 def do_run(out: Path, name: str) -> None:
     """One run into its folder."""
-    from ttwmr_mj.run import run_scenario
+    from ttwmr_mj.run.execute import run_scenario
 
     scenario, folder = RUNS[name].scenario(), run_folder(out, name)
     shutil.rmtree(folder, ignore_errors=True)  # half a run, or one of another scenario

@@ -9,17 +9,8 @@ from pathlib import Path
 
 _HERE = Path(__file__).parent
 _PACKAGE = _HERE.parent.parent
-_STUDIES = (
-    "continuous",
-    "ideal",
-    "phase_plane",
-    "proof",
-    "proofs",
-    "proofs_law",
-    "proofs_model",
-    "step_size",
-)
-_NO_PART_OF_A_RUN = ("studies", "recording", "cli.py", "figures.py", "reproduce_figures.py")
+_STUDIES = (*sorted((_HERE / "ideal").glob("*.py")), *sorted((_HERE / "proofs").glob("*.py")))
+_NO_PART_OF_A_RUN = ("studies", "recording", "cli", "figures")
 
 
 @cache
@@ -33,7 +24,7 @@ def code_of_runs() -> str:
 @cache
 def code_of_studies() -> str:
     """Of the computations on Eq. 31 and of the proofs."""
-    return _digest(_HERE / f"{name}.py" for name in _STUDIES)
+    return _digest(_STUDIES)
 
 
 def _digest(files: Iterable[Path]) -> str:

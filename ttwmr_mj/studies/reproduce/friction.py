@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.scenario import CircleReference
+from ttwmr_mj.scenario.schema import CircleReference
+from ttwmr_mj.studies.reproduce.claims.judging import TRAILER_FOLLOWS_M, mm
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.judging import TRAILER_FOLLOWS_M, mm
 from ttwmr_mj.studies.reproduce.runs import SWEEP_FRICTION_N_M, friction_run
 
 VISCOUS = "friction-viscous"

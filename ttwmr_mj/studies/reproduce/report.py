@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import MachineError
-from ttwmr_mj.run_folder import LIBRARIES, git_commit, library_version, write_json, write_text
+from ttwmr_mj.files import write_json, write_text
+from ttwmr_mj.run.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.reproduce import friction
-from ttwmr_mj.studies.reproduce.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.claims.judging import Judgement, mm
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.figures import FIGURES
-from ttwmr_mj.studies.reproduce.judging import Judgement, mm
+from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 CLAIMS_SCHEMA_VERSION = 1
@@ -80,7 +81,7 @@ def write_report(
         balances=_balances(evidence) if judgements else [],
         runs=[_run(evidence, name) for name in _used(drawn, judgements)],
         versions={"ttwmr-mj": library_version("ttwmr-mj"), **_libraries()},
-        commit=git_commit(Path(__file__).resolve().parents[2]),
+        commit=git_commit(),
     )
     write_text(path, page)
 

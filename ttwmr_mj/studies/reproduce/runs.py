@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ttwmr_mj.scenario import Scenario
-from ttwmr_mj.scenario_file import load_scenario
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 TRUTH: tuple[str, ...] = ()
 CAMERA = (

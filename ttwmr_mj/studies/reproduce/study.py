@@ -6,16 +6,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.progress import progress_bar
-from ttwmr_mj.scenario_faults import suggestion
-from ttwmr_mj.studies.reproduce.claims import CLAIMS
+from ttwmr_mj.run.progress import progress_bar
+from ttwmr_mj.scenario.faults import suggestion
+from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.claims.judging import Judgement
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.execute import Failures, execute, task_count
-from ttwmr_mj.studies.reproduce.figures import FIGURES
-from ttwmr_mj.studies.reproduce.judging import Judgement
+from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
+from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.report import judge_all, report_name, write_claims, write_report
 from ttwmr_mj.studies.reproduce.runs import RUNS
-from ttwmr_mj.studies.reproduce.studies import STUDIES
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,7 +110,7 @@ def _lacks(figure: str, failures: Failures) -> bool:
 
 
 def _draw(names: list[str], evidence: Evidence) -> None:
-    from ttwmr_mj.reproduce_figures import draw
+    from ttwmr_mj.studies.reproduce.figures.drawings import draw
 
     for name in names:
         draw(FIGURES[name], evidence, evidence.out / "figures")

@@ -1,0 +1,5 @@
+"""The command line."""
+
+from ttwmr_mj.cli.main import main
+
+__all__ = ["main"]

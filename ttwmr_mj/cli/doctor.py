@@ -1,0 +1,71 @@
+"""What this machine has, what is missing, and how to install it."""
+
+from __future__ import annotations
+
+import ctypes.util
+import os
+import platform
+import re
+from importlib.metadata import requires, version
+from pathlib import Path
+
+from ttwmr_mj.run.folder import library_version
+from ttwmr_mj.vision.camera.backend import BACKENDS, DEBIAN_PACKAGES, probe
+
+VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
+
+
+def examine() -> tuple[str, bool]:
+    """A report in words, and whether everything a truth-sensing run needs is there.
+
+    Rendering and the viewer are extras: their absence is reported, not counted as illness.
+    """
+    python = f"Python {platform.python_version()}, {platform.platform()}"
+    lines = [
+        f"ttwmr-mj {version('ttwmr-mj')}, {python}",
+        f"processors: {os.cpu_count()}",
+        "",
+        "Libraries",
+    ]
+    missing = []
+    for name in _required():
+        found = library_version(name)
+        lines.append(f"  {name:24s} {found or 'MISSING'}")
+        if found is None:
+            missing.append(name)
+    if missing:
+        lines.append(f"  install them: pip install {' '.join(missing)}")
+    lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)"]
+    lines += _opengl()
+    lines += ["", "Vulkan, for the Rerun viewer (not needed to record)"]
+    lines += _vulkan()
+    return "\n".join(lines), not missing
+
+
+def _required() -> list[str]:
+    """Names of the distributions this package cannot do without."""
+    wanted = [line for line in requires("ttwmr-mj") or [] if "extra ==" not in line]
+    return [re.split(r"[<>=!~ ;\[]", line, maxsplit=1)[0] for line in wanted]
+
+
+def _opengl() -> list[str]:
+    lines, works = [], False
+    for backend in BACKENDS:
+        found = probe(backend)
+        works = works or found.renderer is not None
+        lines.append(f"  {backend:8s} {found.renderer or 'does not work: ' + found.fault}")
+    if not works:
+        lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
+    return lines
+
+
+def _vulkan() -> list[str]:
+    drivers = [path.name for folder in VULKAN_DRIVERS for path in sorted(folder.glob("*.json"))]
+    loader = ctypes.util.find_library("vulkan")
+    if loader and drivers:
+        return [f"  {loader}, drivers: {', '.join(drivers)}"]
+    have = loader or "no loader"
+    return [
+        f"  {have}, drivers: {', '.join(drivers) or 'none'}",
+        "  install it: apt-get install libvulkan1 mesa-vulkan-drivers",
+    ]

@@ -1,0 +1,153 @@
+"""Tracking a feasible reference as a least-squares problem on the sampled hybrid model.
+
+State (7): x, y, θ1, θ2, θ̇2 and the servos' setpoints (right, left). Input (2): the next command.
+Stage cost ½|r|² with the residuals
+
+    r = ((F − F_ref)/position, (θ1 − θ1_ref)/angle, (θ2 − θ2_ref)/angle, (Δω − Δω_ref)/change),
+
+where F is the trailer's centre of oscillation, Δω the change of the command, and position, angle
+and change are scales: an error of one scale costs as much as any other. The angles' scale is wide;
+they are there to keep the robot on the reference's branch, F and the commands say the rest.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.controllers.options import TrackingWeights
+from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray, wrap
+
+STATES, INPUTS, RESIDUALS = 7, 2, 6
+DISTURBANCES = SLIP + 1  # creep, and the unexplained θ̈2
+STEP = 1e-5  # of the central differences: error of order 1e-10
+
+
+class Target(NamedTuple):
+    """A reference as states and commands at its samples."""
+
+    state: FloatArray  # (n, batch, 7)
+    command: FloatArray  # (n − 1, batch, 2), mean wheel speeds of each period
+    centre: FloatArray  # (n, batch, 2) F
+
+
+class Linear(NamedTuple):
+    """The problem to first order along a trajectory; leading axes (n, batch)."""
+
+    A: FloatArray  # (..., 7, 7)
+    B: FloatArray  # (..., 7, 2)
+    D: FloatArray  # (..., 7, 4) by creep and unexplained θ̈2
+
+
+class TrackingProblem:
+    """Dynamics, residuals and their derivatives."""
+
+    def __init__(
+        self, robot: RobotParameters, model: SampledModel, weights: TrackingWeights
+    ) -> None:
+        self._robot, self._model, self._length = robot, model, robot.swing_length_m
+        position, angle = 1.0 / weights.position_scale_m, 1.0 / weights.angle_scale_rad
+        change = 1.0 / weights.change_scale_rad_s
+        self._scale = np.array([position, position, angle, angle, change, change])
+        self._by_command = np.zeros((RESIDUALS, INPUTS))
+        self._by_command[[4, 5], [0, 1]] = change
+
+    def target(self, reference: ReferencePath) -> Target:
+        """The reference's states, and the commands that follow it best without feedback.
+
+        Raises:
+            InputError: θ2 is not defined everywhere.
+        """
+        if not np.isfinite(reference.theta).all():
+            time = reference.time_s[~np.isfinite(reference.theta).all(axis=(1, 2))][0]
+            raise InputError(
+                f"the reference leaves θ2 undefined at {time:g} s: tracking the trailer needs a "
+                "reference that a free trailer can follow, such as 'flat_circle' or 'planned'"
+            )
+        q, rate = reference.q, reference.q_rate
+        turn = np.diff(q[:, :, 2], axis=0)
+        middle = q[:-1, :, 2] + 0.5 * turn
+        chord = np.diff(q[:, :, 0], axis=0) * np.cos(middle)
+        chord += np.diff(q[:, :, 1], axis=0) * np.sin(middle)
+        arc = chord / np.sinc(0.5 * turn / np.pi)
+        command = wheels_from_twist(np.stack([arc, turn], -1) / self._model.period_s, self._robot)
+        first = wheels_from_twist(workspace_rate(q[0], rate[0])[..., :2], self._robot)
+        wheels = np.concatenate([first[None], command])
+        state = np.concatenate([q, rate[..., 3:], wheels], axis=-1)
+        return Target(state, command, self.centre(state))
+
+    def centre(self, state: FloatArray) -> FloatArray:
+        """(..., 2) F of states (..., 7)."""
+        theta2 = state[..., 3:4]
+        return state[..., :2] - self._length * np.concatenate(
+            [np.cos(theta2), np.sin(theta2)], axis=-1
+        )
+
+    def next_state(
+        self, state: FloatArray, command: FloatArray, disturbance: FloatArray | None = None
+    ) -> FloatArray:
+        """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
+        slip = None if disturbance is None else disturbance[..., :SLIP]
+        swing = 0.0 if disturbance is None else disturbance[..., SLIP]
+        body, wheels = self._model.advance(
+            state[..., :BODY], state[..., BODY:], command, slip=slip, swing=swing
+        )
+        return np.concatenate([body, wheels], axis=-1)
+
+    def residual(
+        self, state: FloatArray, command: FloatArray, target: Target, k: int | slice
+    ) -> FloatArray:
+        """(..., 6) r at samples k of the target."""
+        aim = target.state[k]
+        miss = np.concatenate(
+            [
+                self.centre(state) - target.centre[k],
+                wrap(state[..., 2:4] - aim[..., 2:4]),
+                (command - state[..., BODY:]) - (target.command[k] - aim[..., BODY:]),
+            ],
+            axis=-1,
+        )
+        return np.asarray(self._scale * miss)
+
+    def residual_by_state(self, state: FloatArray) -> FloatArray:
+        """(..., 6, 7) derivative of r by the state."""
+        J = np.zeros((*state.shape[:-1], RESIDUALS, STATES))
+        J[..., [0, 1, 2, 3], [0, 1, 2, 3]] = 1.0
+        J[..., 0, 3] = self._length * np.sin(state[..., 3])
+        J[..., 1, 3] = -self._length * np.cos(state[..., 3])
+        J[..., [4, 5], [5, 6]] = -1.0
+        return np.asarray(self._scale[:, None] * J)
+
+    def residual_by_command(self) -> FloatArray:
+        """(6, 2) derivative of r by the command."""
+        return self._by_command
+
+    def linearise(
+        self, state: FloatArray, command: FloatArray, disturbance: FloatArray | None = None
+    ) -> Linear:
+        """Derivatives of the next state, by central differences, all samples at once.
+
+        Args:
+            state: (..., 7).
+            command: (..., 2).
+            disturbance: (..., 4) or none.
+        """
+        if disturbance is None:
+            disturbance = np.zeros((*state.shape[:-1], DISTURBANCES))
+        given = np.concatenate([state, command, disturbance], axis=-1)
+        width = given.shape[-1]
+        moved = given[..., None, :] + STEP * np.concatenate([np.eye(width), -np.eye(width)])
+        after = self.next_state(
+            moved[..., :STATES],
+            moved[..., STATES : STATES + INPUTS],
+            moved[..., STATES + INPUTS :],
+        )
+        slope = (after[..., :width, :] - after[..., width:, :]) / (2.0 * STEP)
+        slope = np.swapaxes(slope, -1, -2)
+        return Linear(*np.split(slope, [STATES, STATES + INPUTS], axis=-1))

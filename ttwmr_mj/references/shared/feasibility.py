@@ -1,0 +1,230 @@
+"""Can a free trailer follow this reference, and the robot drive it?
+
+Every requirement is a signal along the reference and a bound on its size; what exceeds its bound
+does so in named spans of time. The checks, in order:
+
+- defined: θ1 and θ2 are numbers everywhere.
+- no side slip: P moves along the heading (Eq. 3).
+- free trailer: the hitch torque J·(θ̈2 − P''·n/k), J = J2 + m2·l², that the reference demands
+  (Eq. 17, 24), beyond what the hitch's own spring, damper and dry friction give.
+- wheel speed, wheel acceleration: against the servo's limits (Eq. 8-9).
+- wheel torque: from Eq. 23, with the motors' own inertia, against the stall torque.
+- grip: driving and lateral force of the two wheels (λ of Eq. 18) against friction times their
+  share of the weight.
+- workspace: P, the tractor's front label and the trailer's rear label, in a rectangle.
+- flatness: |F''| above a floor, else θ2 cannot be read from F; a note, not a fault: plans may pass
+  through, only the flatness-based law cannot.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.dynamics.hitch import spring_damper_torque
+from ttwmr_mj.dynamics.hybrid import flat_output_acceleration, trailer_acceleration
+from ttwmr_mj.dynamics.kinematics import constraint_residual, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinetics import lateral_force, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import BoolArray, FloatArray
+
+GRAVITY_M_S2 = 9.81
+SIDE_SLIP_M_S = 1e-3
+HITCH_TORQUE_N_M = 1e-5  # a hundredth of what a small dry friction gives
+FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
+LEAST_ACCELERATION_M_S2 = 0.02
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One requirement along a reference.
+
+    Attributes:
+        name: what is required.
+        unit: of the values.
+        worst: the largest value, at `worst_time_s`; NaN where the reference defines none.
+        limit: its bound.
+        spans_s: (start, end) of every stretch of time over the bound.
+        binding: whether breaking it makes the reference infeasible.
+    """
+
+    name: str
+    unit: str
+    worst: float
+    worst_time_s: float
+    limit: float
+    spans_s: tuple[tuple[float, float], ...]
+    binding: bool = True
+
+    @property
+    def kept(self) -> bool:
+        """Whether the bound holds everywhere."""
+        return not self.spans_s
+
+    def __str__(self) -> str:
+        text = f"{self.name}: {self.worst:.4g} of {self.limit:.4g} {self.unit}".rstrip()
+        text += f" at {self.worst_time_s:.4g} s"
+        if self.kept:
+            return text
+        first, last = self.spans_s[0]
+        more = f" and {len(self.spans_s) - 1} more" if len(self.spans_s) > 1 else ""
+        return f"{text}; broken from {first:.4g} s to {last:.4g} s{more}"
+
+
+@dataclass(frozen=True, slots=True)
+class Feasibility:
+    """The verdict on a reference."""
+
+    checks: tuple[Check, ...]
+
+    @property
+    def feasible(self) -> bool:
+        """Whether every binding check is kept."""
+        return all(check.kept for check in self.checks if check.binding)
+
+    def __getitem__(self, name: str) -> Check:
+        """A check by its name."""
+        return next(check for check in self.checks if check.name == name)
+
+    def __str__(self) -> str:
+        marks = {True: "ok  ", False: "FAIL"}
+        lines = [
+            f"{marks[check.kept] if check.binding or check.kept else 'note'} {check}"
+            for check in self.checks
+        ]
+        return "\n".join([f"feasible: {'yes' if self.feasible else 'no'}", *lines])
+
+
+def check_feasibility(
+    reference: ReferencePath,
+    robot: RobotParameters,
+    *,
+    floor_friction: float = 0.9,
+    workspace_m: tuple[float, float] | None = None,
+) -> Feasibility:
+    """Examine a reference at its samples, one batch member after the other's worst.
+
+    Args:
+        reference: any; NaN in θ2 breaks "defined", and what needs it is then not judged there.
+        robot: geometry, masses, hitch and servo.
+        floor_friction: Coulomb coefficient of the tyres.
+        workspace_m: width and height of a rectangle about the origin; None: no bound.
+    """
+    q, rate = reference.q, reference.q_rate
+    twist = workspace_rate(q, rate)
+    acceleration = _workspace_acceleration(reference)
+    torque, grip = _forces(q, twist, acceleration, robot)
+    servo = robot.servo
+    wheels = wheels_from_twist(twist[..., :2], robot)
+    wheel_rate = wheels_from_twist(acceleration[..., :2], robot)
+    torque = torque + servo.reflected_inertia_kg_m2 * wheel_rate
+    undefined = np.asarray(np.isnan(reference.theta).any(axis=-1), dtype=np.float64)
+    along = flat_output_acceleration(q[..., 3], rate[..., 3], reference.acceleration_m_s2, robot)
+    signals: list[tuple[str, str, FloatArray, float, bool]] = [
+        ("defined", "", undefined, 0.5, True),
+        ("no side slip", "m/s", constraint_residual(q, rate), SIDE_SLIP_M_S, True),
+        ("free trailer", "N·m", _missing_torque(reference, robot), HITCH_TORQUE_N_M, True),
+        ("wheel speed", "rad/s", wheels, servo.speed_limit_rad_s, True),
+        ("wheel acceleration", "rad/s²", wheel_rate, servo.acceleration_limit_rad_s2, True),
+        ("wheel torque", "N·m", torque, servo.stall_torque_n_m, True),
+        ("grip", "N", grip, floor_friction * _weight_on_wheels(robot), True),
+    ]
+    if workspace_m is not None:
+        signals.append(("workspace", "of half", _reach(q, workspace_m), 1.0, True))
+    checks = [_check(reference.time_s, *signal) for signal in signals]
+    size = np.hypot(along[..., 0], along[..., 1])
+    checks.append(_floor(reference.time_s, size))
+    return Feasibility(tuple(checks))
+
+
+def _workspace_acceleration(reference: ReferencePath) -> FloatArray:
+    """(n, batch, 3) s̈, θ̈1, θ̈2."""
+    theta1 = reference.theta1_rad
+    v = reference.acceleration_m_s2
+    surge = v[..., 0] * np.cos(theta1) + v[..., 1] * np.sin(theta1)
+    return np.concatenate([surge[..., None], reference.theta_acceleration], axis=-1)
+
+
+def _missing_torque(reference: ReferencePath, robot: RobotParameters) -> FloatArray:
+    """(n, batch) hitch torque that is demanded and that nothing provides [N·m]."""
+    q, rate = reference.q, reference.q_rate
+    free = trailer_acceleration(q[..., 3], reference.acceleration_m_s2, robot)
+    demand = robot.swing_inertia_kg_m2 * (reference.theta_acceleration[..., 1] - free)
+    hitch, hitch_rate = q[..., 3] - q[..., 2], rate[..., 3] - rate[..., 2]
+    demand = demand - spring_damper_torque(hitch, hitch_rate, robot.hitch)
+    return np.maximum(np.abs(demand) - robot.hitch.coulomb_friction_n_m, 0.0)
+
+
+def _forces(
+    q: FloatArray, twist: FloatArray, acceleration: FloatArray, robot: RobotParameters
+) -> tuple[FloatArray, FloatArray]:
+    """Wheel torques (n, batch, 2) [N·m], and the force of the floor on both wheels (n, batch) [N].
+
+    Where θ2 is undefined the trailer counts as in line with the tractor.
+    """
+    q, twist, acceleration = q.copy(), twist.copy(), acceleration.copy()
+    for values, stand_in in ((q, 2), (twist, 1), (acceleration, 1)):
+        last = values[..., -1]
+        values[..., -1] = np.where(np.isnan(last), values[..., stand_in], last)
+    load = np.einsum("...ij,...j", reduced_mass_matrix(q, robot), acceleration)
+    load = load + reduced_bias(q, twist, robot)
+    drive = 0.5 * load[..., 0]
+    turn = load[..., 1] / robot.tractor.track_width_m
+    torque = robot.tractor.wheel_radius_m * np.stack([drive + turn, drive - turn], axis=-1)
+    sideways = lateral_force(q, twist, acceleration, robot)
+    return torque, np.hypot(np.abs(load[..., 0]) + 2.0 * np.abs(turn), sideways)
+
+
+def _weight_on_wheels(robot: RobotParameters) -> float:
+    """Normal force on both wheels at rest [N]; the nose caster carries a1/position of the rest."""
+    tractor = robot.tractor
+    share = 1.0 - tractor.com_offset_m / robot.casters.tractor_position_m
+    return GRAVITY_M_S2 * tractor.mass_kg * share
+
+
+def _reach(q: FloatArray, workspace_m: tuple[float, float]) -> FloatArray:
+    """(n, batch) how far the robot reaches, in half workspaces; P alone where θ2 is undefined."""
+    half = 0.5 * np.array(workspace_m)
+    parts = [q[..., :2]]
+    for column, reach in ((2, FRONT_LABEL_M), (3, -REAR_LABEL_M)):
+        angle = q[..., column : column + 1]
+        parts.append(q[..., :2] + reach * np.concatenate([np.cos(angle), np.sin(angle)], axis=-1))
+    return np.asarray(np.fmax.reduce([np.abs(part / half).max(axis=-1) for part in parts]))
+
+
+def _check(
+    time_s: FloatArray, name: str, unit: str, values: FloatArray, limit: float, binding: bool
+) -> Check:
+    """The largest size over batch and parts, with where it exceeds its limit."""
+    size = np.abs(values).reshape(time_s.size, -1)
+    size = np.fmax.reduce(size, axis=1)  # NaN only where all are
+    defined = np.isfinite(size)
+    k = int(np.argmax(np.where(defined, size, -1.0)))
+    over = defined & (size > limit)
+    return Check(name, unit, float(size[k]), float(time_s[k]), limit, _spans(time_s, over), binding)
+
+
+def _floor(time_s: FloatArray, values: FloatArray) -> Check:
+    """|F''| from below."""
+    size = np.fmin.reduce(values.reshape(time_s.size, -1), axis=1)
+    defined = np.isfinite(size)
+    k = int(np.argmin(np.where(defined, size, np.inf)))
+    under = defined & (size < LEAST_ACCELERATION_M_S2)
+    return Check(
+        name="flatness, least |F''|",
+        unit="m/s²",
+        worst=float(size[k]),
+        worst_time_s=float(time_s[k]),
+        limit=LEAST_ACCELERATION_M_S2,
+        spans_s=_spans(time_s, under),
+        binding=False,
+    )
+
+
+def _spans(time_s: FloatArray, broken: BoolArray) -> tuple[tuple[float, float], ...]:
+    """First and last sample of every stretch of broken samples."""
+    edges = np.diff(np.concatenate([[0], broken.astype(np.int8), [0]]))
+    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
+    return tuple((float(time_s[i]), float(time_s[j])) for i, j in zip(starts, ends, strict=True))

@@ -1,0 +1,55 @@
+"""The curves a run is judged by: where the trailer is, and how far all is from the reference."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.state import wrap
+from ttwmr_mj.results.metrics import point_behind
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.results.trajectory import Trajectory
+
+
+def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
+    """(..., 2) the trailer's COM, P − l·(cos θ2, sin θ2), for q (..., 4) [m]; NaN where θ2 is."""
+    return point_behind(q, robot.trailer.com_offset_m)
+
+
+@dataclass(frozen=True, slots=True)
+class Curves:
+    """What follows from a trajectory, row by row; NaN where the reference defines nothing.
+
+    Attributes:
+        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the trailer's COM, true and reference.
+        tractor_error_m: (n, nsim) distance of P from its reference.
+        trailer_error_m: (n, nsim) distance of the trailer's COM from its reference.
+        theta_error_rad: (n, nsim, 2) θ1 and θ2 minus their references, in [−π, π).
+        hitch_angle_rad: (n, nsim) θ2 − θ1.
+    """
+
+    trailer_com_m: FloatArray
+    ref_trailer_com_m: FloatArray
+    tractor_error_m: FloatArray
+    trailer_error_m: FloatArray
+    theta_error_rad: FloatArray
+    hitch_angle_rad: FloatArray
+
+    @classmethod
+    def of(cls, rows: Trajectory, robot: RobotParameters) -> Curves:
+        """The curves of these rows."""
+        com, ref_com = trailer_com(rows.q, robot), trailer_com(rows.ref_q, robot)
+        return cls(
+            trailer_com_m=com,
+            ref_trailer_com_m=ref_com,
+            tractor_error_m=_distance(rows.q[..., :2], rows.ref_q[..., :2]),
+            trailer_error_m=_distance(com, ref_com),
+            theta_error_rad=wrap(rows.q[..., THETA1:] - rows.ref_q[..., THETA1:]),
+            hitch_angle_rad=rows.q[..., THETA2] - rows.q[..., THETA1],
+        )
+
+
+def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
+    return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]))

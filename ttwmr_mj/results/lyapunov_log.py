@@ -1,0 +1,88 @@
+"""V(t) along a run, what Eq. 36 says of V', and what V really does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ttwmr_mj.scenario.schema import LyapunovController
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.trajectory import Trajectory
+
+LYAPUNOV_FILE = "lyapunov.parquet"
+
+
+@dataclass(frozen=True, slots=True)
+class LyapunovLog:
+    """The Lyapunov function of Eq. 33 and 44 along the first simulation of a run.
+
+    V mixes m² and (m/s)², as the article's does; only its shape over time means something.
+
+    Attributes:
+        time_s: (n,).
+        v: (n,) V.
+        v_rate: (n,) dV/dt from sample to sample; the last repeats the one before.
+        v_rate_claimed: (n,) −α1·e1² − (α2·e2)² − α3·e3² − (α4·e4)² (Eq. 36, 46).
+    """
+
+    time_s: FloatArray
+    v: FloatArray
+    v_rate: FloatArray
+    v_rate_claimed: FloatArray
+
+    @property
+    def end_share(self) -> float:
+        """V at the end over V at the start."""
+        return float(self.v[-1] / self.v[0])
+
+    @property
+    def rise_share(self) -> float:
+        """The highest V stands above its lowest value so far, over V at the start."""
+        return float((self.v - np.minimum.accumulate(self.v)).max() / self.v[0])
+
+    @property
+    def rising_share(self) -> float:
+        """Share of samples at which V goes up by more than 10⁻⁶ of its start per second."""
+        return float((self.v_rate > 1e-6 * self.v[0]).mean())
+
+
+def lyapunov_log(trajectory: Trajectory, options: LyapunovController) -> LyapunovLog:
+    """V and V' of the first simulation, from the true state."""
+    alive = np.isfinite(trajectory.q[:, 0]).all(axis=1)
+    time_s = trajectory.time_s[alive]
+    v, claimed = (values[alive] for values in lyapunov_function(trajectory, options))
+    slope = np.diff(v) / np.diff(time_s)
+    return LyapunovLog(
+        time_s=time_s,
+        v=v,
+        v_rate=np.append(slope, slope[-1:]),
+        v_rate_claimed=claimed,
+    )
+
+
+def lyapunov_function(
+    rows: Trajectory, options: LyapunovController
+) -> tuple[FloatArray, FloatArray]:
+    """V (n,) of Eq. 33 and 44 and V' (n,) as Eq. 36 and 46 claim it, of the first simulation."""
+    e = (rows.q - rows.ref_q)[:, 0, :2]
+    e_rate = (rows.q_rate - rows.ref_q_rate)[:, 0, :2]
+    on_error = np.array([options.alpha1, options.alpha3])
+    on_rate = np.array([options.alpha2, options.alpha4])
+    v = 0.5 * (e**2 @ on_error + e_rate**2 @ on_rate)
+    return v, -(e**2 @ on_error) - e_rate**2 @ on_rate**2
+
+
+def write_lyapunov(log: LyapunovLog, folder: Path) -> None:
+    """lyapunov.parquet beside the run's trajectory."""
+    import pyarrow as pa
+
+    columns = {
+        "time_s": log.time_s,
+        "v": log.v,
+        "v_rate_1_s": log.v_rate,
+        "v_rate_eq36_1_s": log.v_rate_claimed,
+    }
+    write_parquet(pa.table(columns), folder / LYAPUNOV_FILE)

@@ -1,0 +1,193 @@
+"""What happened in a run: one row per control sample, kept as arrays and as Parquet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+Q_NAMES = ("x_m", "y_m", "theta1_rad", "theta2_rad")
+RATE_NAMES = ("x_rate_m_s", "y_rate_m_s", "theta1_rate_rad_s", "theta2_rate_rad_s")
+WHEEL_NAMES = ("wheel_right", "wheel_left")
+
+
+@dataclass(frozen=True, slots=True)
+class Trajectory:
+    """A batch of runs, sampled at the control period; row k is what was true at time_s[k].
+
+    World frame, SI units, angles unwrapped; the columns of q are x, y of P, θ1, θ2 (Eq. 2).
+
+    Attributes:
+        time_s: (n,).
+        q, q_rate: (n, nsim, 4) the plant's truth.
+        ref_q, ref_q_rate: (n, nsim, 4) the reference, NaN where it defines none.
+        est_q, est_q_rate: (n, nsim, 4) what the controller saw.
+        wheel_command_rad_s: (n, nsim, 2) commanded from this sample on (right, left).
+        wheel_speed_rad_s: (n, nsim, 2) true wheel speeds (right, left).
+        est_valid: (n, nsim) False where the sensor was blind and said so.
+        measurement_age_s: (n, nsim) age of the newest measurement in what the controller saw.
+        labels_found: (n, nsim) labels the camera found; NaN without a camera.
+        saturated: (n, nsim) the command had to be cut to the servo's range.
+        near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
+        joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.
+        contact_readings: (n, nsim, 5, 15) contact sensors, see `plants.contact.read_contacts`;
+            no contacts (n, nsim, 0, 15) on the analytic plant.
+    """
+
+    time_s: FloatArray
+    q: FloatArray
+    q_rate: FloatArray
+    ref_q: FloatArray
+    ref_q_rate: FloatArray
+    est_q: FloatArray
+    est_q_rate: FloatArray
+    wheel_command_rad_s: FloatArray
+    wheel_speed_rad_s: FloatArray
+    est_valid: BoolArray
+    measurement_age_s: FloatArray
+    labels_found: FloatArray
+    saturated: BoolArray
+    near_singular: BoolArray
+    joint_positions: FloatArray
+    contact_readings: FloatArray
+
+    def __len__(self) -> int:
+        return int(self.time_s.shape[0])
+
+    @property
+    def nsim(self) -> int:
+        """Number of simulations."""
+        return int(self.q.shape[1])
+
+    @classmethod
+    def empty(cls, time_s: FloatArray, nsim: int, nq: int = 0, ncontact: int = 0) -> Trajectory:
+        """Rows for the given times, to be filled in place by the experiment."""
+        n = time_s.shape[0]
+
+        def unknown(width: int) -> FloatArray:
+            return np.full((n, nsim, width), np.nan)
+
+        return cls(
+            time_s=time_s,
+            q=unknown(4),
+            q_rate=unknown(4),
+            ref_q=unknown(4),
+            ref_q_rate=unknown(4),
+            est_q=unknown(4),
+            est_q_rate=unknown(4),
+            wheel_command_rad_s=unknown(2),
+            wheel_speed_rad_s=unknown(2),
+            est_valid=np.ones((n, nsim), dtype=np.bool_),
+            measurement_age_s=np.zeros((n, nsim)),
+            labels_found=np.full((n, nsim), np.nan),
+            saturated=np.zeros((n, nsim), dtype=np.bool_),
+            near_singular=np.zeros((n, nsim), dtype=np.bool_),
+            joint_positions=np.zeros((n, nsim, nq)),
+            contact_readings=np.zeros((n, nsim, ncontact, 15)),
+        )
+
+    def rows(self, start: int, stop: int) -> Trajectory:
+        """Views of rows start to stop."""
+        cut: dict[str, Any] = {f.name: getattr(self, f.name)[start:stop] for f in fields(self)}
+        return replace(self, **cut)
+
+    def simulation(self, index: int) -> Trajectory:
+        """Views of one simulation, as a batch of one."""
+        cut: dict[str, Any] = {
+            f.name: getattr(self, f.name)[:, index : index + 1]
+            for f in fields(self)
+            if f.name != "time_s"
+        }
+        return replace(self, **cut)
+
+
+def to_table(trajectory: Trajectory) -> pa.Table:
+    """The first simulation as a Parquet table; the column names carry the units."""
+    import pyarrow as pa
+
+    one = {f.name: getattr(trajectory, f.name)[:, 0] for f in fields(trajectory)[1:]}
+    columns: dict[str, FloatArray] = {"time_s": trajectory.time_s}
+    for prefix, q, rate in (
+        ("", "q", "q_rate"),
+        ("ref_", "ref_q", "ref_q_rate"),
+        ("est_", "est_q", "est_q_rate"),
+    ):
+        for names, values in ((Q_NAMES, one[q]), (RATE_NAMES, one[rate])):
+            columns |= {prefix + name: values[:, i] for i, name in enumerate(names)}
+    for suffix, values in (
+        ("_cmd_rad_s", one["wheel_command_rad_s"]),
+        ("_rad_s", one["wheel_speed_rad_s"]),
+    ):
+        columns |= {name + suffix: values[:, i] for i, name in enumerate(WHEEL_NAMES)}
+    for name in ("est_valid", "measurement_age_s", "labels_found", "saturated", "near_singular"):
+        columns[name] = one[name].astype(np.float64)
+    return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+
+
+def physics_rate_table(
+    time_s: FloatArray, state: RobotState, wheel_speed_rad_s: FloatArray
+) -> pa.Table:
+    """The first simulation's state at every physics step, with the same column names.
+
+    Args:
+        time_s: (n,) times.
+        state: q and rates (nsim, n, 4).
+        wheel_speed_rad_s: (nsim, n, 2).
+    """
+    import pyarrow as pa
+
+    columns = {"time_s": time_s}
+    columns |= {name: state.q[0, :, i] for i, name in enumerate(Q_NAMES)}
+    columns |= {name: state.q_rate[0, :, i] for i, name in enumerate(RATE_NAMES)}
+    columns |= {n + "_rad_s": wheel_speed_rad_s[0, :, i] for i, n in enumerate(WHEEL_NAMES)}
+    return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+
+
+def read_parquet(path: Path) -> Trajectory:
+    """Read a trajectory.parquet, as a batch of one.
+
+    Raises:
+        InputError: the file is missing, is no Parquet file, or lacks a column.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(path)
+    except (OSError, pa.ArrowInvalid) as error:
+        raise InputError(f"{path}: cannot be read as a trajectory: {error}") from error
+
+    def columns(names: tuple[str, ...]) -> FloatArray:
+        missing = [name for name in names if name not in table.column_names]
+        if missing:
+            raise InputError(f"{path}: is no trajectory.parquet, it lacks {', '.join(missing)}")
+        return np.stack([table[name].to_numpy() for name in names], axis=-1)[:, None]
+
+    def prefixed(prefix: str, names: tuple[str, ...]) -> FloatArray:
+        return columns(tuple(prefix + name for name in names))
+
+    time_s = columns(("time_s",))[:, 0, 0]
+    return replace(
+        Trajectory.empty(time_s, nsim=1),
+        q=columns(Q_NAMES),
+        q_rate=columns(RATE_NAMES),
+        ref_q=prefixed("ref_", Q_NAMES),
+        ref_q_rate=prefixed("ref_", RATE_NAMES),
+        est_q=prefixed("est_", Q_NAMES),
+        est_q_rate=prefixed("est_", RATE_NAMES),
+        wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
+        wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
+        est_valid=columns(("est_valid",))[..., 0] > 0,
+        measurement_age_s=columns(("measurement_age_s",))[..., 0],
+        labels_found=columns(("labels_found",))[..., 0],
+        saturated=columns(("saturated",))[..., 0] > 0,
+        near_singular=columns(("near_singular",))[..., 0] > 0,
+    )

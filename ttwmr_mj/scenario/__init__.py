@@ -1,0 +1,1 @@
+"""Scenarios: schema, files, faults."""

@@ -1,0 +1,133 @@
+"""From how far off a controller still catches the robot: the basin of attraction, by simulation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.results.metrics import point_behind
+from ttwmr_mj.run import build
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.scenario.schema import OnReference, Scenario
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+
+CAUGHT_M = 0.01  # the trailer's centre of oscillation ends this close to its reference
+CAUGHT_SHARE = 0.2  # and stays so over this last share of the run
+
+
+@dataclass(frozen=True, slots=True)
+class Basin:
+    """Which starts are caught.
+
+    Attributes:
+        position_offset_m: (n,) offsets of P along the reference's left normal.
+        theta2_offset_rad: (m,) offsets of θ2.
+        caught_after_s: (n, m) time from which the trailer's centre of oscillation stays within
+            CAUGHT_M of its reference; NaN where the run does not end so.
+        simulated: (n, m) starts that were simulated; the others lie between starts that all were
+            caught, or all were not, and have their mean.
+    """
+
+    position_offset_m: FloatArray
+    theta2_offset_rad: FloatArray
+    caught_after_s: FloatArray
+    simulated: BoolArray
+
+    @property
+    def caught(self) -> BoolArray:
+        """(n, m) whether the run from there ends on the reference."""
+        return np.isfinite(self.caught_after_s)
+
+    @property
+    def share(self) -> float:
+        """Share of the starts on the grid that are caught."""
+        return float(self.caught.mean())
+
+
+def map_basin(
+    scenario: Scenario,
+    position_offset_m: FloatArray,
+    theta2_offset_rad: FloatArray,
+    coarsest: int = 1,
+) -> Basin:
+    """Run the scenario from the offsets of a grid, finer where the basin's edge is.
+
+    Every `coarsest`-th offset is simulated first, in one batch. Then the stride is halved until it
+    is one: a new start is simulated if the starts around it differ in being caught, else it takes
+    their mean. What is smaller than the coarsest cells may be missed.
+
+    Args:
+        scenario: starts on its reference; its own offsets are left out.
+        position_offset_m: (n,) offsets of P along the reference's left normal.
+        theta2_offset_rad: (m,) offsets of θ2.
+        coarsest: a power of two; n − 1 and m − 1 are multiples of it. 1 simulates every start.
+
+    Raises:
+        InputError: the grid does not fit the stride.
+    """
+    shape = (len(position_offset_m), len(theta2_offset_rad))
+    if coarsest < 1 or coarsest & (coarsest - 1) or any((size - 1) % coarsest for size in shape):
+        raise InputError(
+            f"a basin of {shape[0]} x {shape[1]} starts with every {coarsest}th first: the stride "
+            "must be a power of two that divides one less than either number"
+        )
+    after, known = np.full(shape, np.nan), np.zeros(shape, dtype=np.bool_)
+    simulated = known.copy()
+    stride = coarsest
+    while stride >= 1:
+        new = np.argwhere(_every(stride, shape) & ~known)
+        if known.any():
+            around = after[tuple(_corners(new, 2 * stride))]  # (4, count)
+            caught = np.isfinite(around)
+            same = caught.all(axis=0) | ~caught.any(axis=0)
+            after[tuple(new[same].T)] = around[:, same].mean(axis=0)
+            new_starts = new[~same]
+        else:
+            new_starts = new
+        if len(new_starts):
+            i, j = new_starts.T
+            after[i, j] = _caught_after(scenario, position_offset_m[i], theta2_offset_rad[j])
+            simulated[i, j] = True
+        known |= _every(stride, shape)
+        stride //= 2
+    return Basin(position_offset_m, theta2_offset_rad, after, simulated)
+
+
+def _every(stride: int, shape: tuple[int, int]) -> BoolArray:
+    """(n, m) the starts of a grid of that stride."""
+    i, j = np.indices(shape)
+    return np.asarray((i % stride == 0) & (j % stride == 0))
+
+
+def _corners(places: np.ndarray, stride: int) -> np.ndarray:
+    """(2, 4, count) starts of the coarser grid around each of places (count, 2)."""
+    low = places // stride * stride
+    high = -(-places // stride) * stride
+    i, j = np.stack([low, high]).transpose(2, 0, 1)
+    return np.stack([np.stack([i[0], i[0], i[1], i[1]]), np.stack([j[0], j[1], j[0], j[1]])])
+
+
+def _caught_after(
+    scenario: Scenario, position_offset_m: FloatArray, theta2_offset_rad: FloatArray
+) -> FloatArray:
+    """(count,) time from which runs with these offsets (count,) stay caught, all in one batch."""
+    count = len(position_offset_m)
+    on_reference = scenario.model_copy(update={"initial": OnReference(kind="on_reference")})
+    experiment = Experiment(on_reference, nsim=count)
+    start = build.initial_state(on_reference, experiment.reference, count)
+    q, heading = start.q.copy(), start.q[:, 2]
+    q[:, 0] -= position_offset_m * np.sin(heading)
+    q[:, 1] += position_offset_m * np.cos(heading)
+    q[:, 3] += theta2_offset_rad
+    result = experiment.run(initial=RobotState(q=q, q_rate=start.q_rate))
+    trajectory, swing = result.trajectory, scenario.robot.swing_length_m
+    miss = point_behind(trajectory.q, swing) - point_behind(trajectory.ref_q, swing)
+    outside = ~(np.hypot(miss[..., 0], miss[..., 1]) < CAUGHT_M)  # NaN is outside, too
+    last = len(trajectory) - 1 - np.argmax(outside[::-1], axis=0)  # sample outside, if any is
+    first_inside = np.where(outside.any(axis=0), last + 1, 0)
+    ended_well = np.array([outcome.status == "ok" for outcome in result.outcomes])
+    caught = ended_well & (first_inside <= (1.0 - CAUGHT_SHARE) * len(trajectory))
+    period = scenario.control.sampling_time_s
+    return np.where(caught, period * first_inside, np.nan)

@@ -1,0 +1,1 @@
+"""Fitting the extended analytic model to contact physics."""

@@ -1,0 +1,251 @@
+"""The figures of the reproduction; beside `figures`, the only module that imports matplotlib."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ttwmr_mj.figures.run_figures import REFERENCE, STYLE, TRACTOR, TRAILER
+from ttwmr_mj.results.curves import trailer_com
+from ttwmr_mj.state import LEFT, RIGHT, FloatArray
+from ttwmr_mj.studies.reproduce import friction
+from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.figures.figures import Figure as Wanted
+from ttwmr_mj.studies.reproduce.ideal.step_size import STEPS_S
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+COLOURS = (TRACTOR, "#D55E00", "#009E73", TRAILER, "#E69F00", "#56B4E9")
+WIDTHS = (2.6, 1.3, 0.6)  # curves that coincide are still seen
+WIDTH_IN = 7.2
+MOST_ROWS = 900  # of a curve in the file: more than a screen has columns
+
+
+def draw(wanted: Wanted, evidence: Evidence, folder: Path) -> Path:
+    """Draw one figure as NAME.svg, whole or not at all; the same results give the same bytes."""
+    import matplotlib as mpl
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    folder.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context():
+        mpl.rcdefaults()
+        mpl.rcParams.update(STYLE)
+        figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
+        FigureCanvasAgg(figure)
+        DRAWERS[wanted.kind](figure, wanted, evidence)
+        path = folder / f"{wanted.name}.svg"
+        draft = path.with_name(f".{path.name}.part")
+        figure.savefig(draft, format="svg", metadata={"Date": None})
+        draft.replace(path)
+    return path
+
+
+def _thin(values: FloatArray) -> FloatArray:
+    return values[:: max(1, len(values) // MOST_ROWS)]
+
+
+def _draw_paths(body: str) -> Callable[..., None]:
+    def path(q: FloatArray, robot: Any) -> FloatArray:
+        return q[:, :2] if body == "tractor" else trailer_com(q, robot)
+
+    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+        rows = math.ceil(len(wanted.panels) / 2)
+        figure.set_size_inches(WIDTH_IN, 0.6 + 0.48 * WIDTH_IN * rows)
+        row = figure.subplots(rows, 2, squeeze=False).flat
+        for axes, panel in zip(row, wanted.panels, strict=True):
+            for (run, label), colour, width in zip(panel.runs, COLOURS, WIDTHS, strict=False):
+                trajectory, robot = evidence.trajectory(run), evidence.robot(run)
+                line = _thin(path(trajectory.q[:, 0], robot))
+                axes.plot(*line.T, color=colour, linewidth=width, label=label)
+                axes.plot(*line[0], "o", color=colour, markeredgecolor="white", markersize=5)
+            reference = path(trajectory.ref_q[:, 0], robot)
+            axes.plot(*_thin(reference).T, **REFERENCE, label="reference")
+            axes.set_aspect("equal", adjustable="datalim")
+            axes.set(xlabel="x [m]", ylabel="y [m]", title=panel.title)
+        _legend(figure, axes)
+
+    return drawer
+
+
+def _draw_coordinate(column: int, label: str) -> Callable[..., None]:
+    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+        axes = _time_axes(figure, label)
+        for run, name, colour in _in_order(wanted):
+            trajectory = evidence.trajectory(run)
+            axes.plot(trajectory.time_s, trajectory.q[:, 0, column], color=colour, label=name)
+        axes.plot(trajectory.time_s, trajectory.ref_q[:, 0, column], **REFERENCE, label="reference")
+        _legend(figure, axes)
+
+    return drawer
+
+
+def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
+    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+        axes = _time_axes(figure, label)
+        for run, name, colour in _in_order(wanted):
+            trajectory = evidence.trajectory(run)
+            speed = trajectory.wheel_speed_rad_s[:, 0, wheel]
+            axes.plot(trajectory.time_s, speed, color=colour, linewidth=1.0, label=name)
+        limit = evidence.robot(run).servo.speed_limit_rad_s
+        for sign in (1.0, -1.0):
+            axes.axhline(sign * limit, **REFERENCE, label="servo's limit" if sign > 0.0 else None)
+        _legend(figure, axes)
+
+    return drawer
+
+
+def _draw_phase_plane(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    del wanted
+    study = evidence.study("phase-plane")
+    figure.set_size_inches(WIDTH_IN, 3.9)
+    axes = figure.subplots()
+    e1, e2 = np.meshgrid(np.linspace(-0.6, 0.6, 80), np.linspace(-0.601, 0.6, 80))
+    slope = -study["alpha2"] * e2 - study["alpha1"] / study["alpha2"] * (e1 + e1**2 / e2)
+    axes.streamplot(e1, e2, e2, slope, color="#CCCCCC", linewidth=0.6, arrowsize=0.6, density=1.1)
+    for path in study["paths"]:
+        axes.plot(*path, color=TRACTOR, linewidth=1.1)
+        axes.plot(path[0][-1], path[1][-1], "o", color="#D55E00", markersize=4, zorder=3)
+    ray = study["invariant_ray_1_s"]
+    axes.plot([0.6 / ray, -0.6 / ray], [0.6, -0.6], **REFERENCE, label=f"e2 = {ray:.2f}·e1")
+    axes.plot([], [], color=TRACTOR, label="solutions of law (32) as printed")
+    axes.plot([], [], "o", color="#D55E00", markersize=4, label="where they end: e2 = 0")
+    axes.set(xlabel="e1 [m]", ylabel="e2 [m/s]", xlim=(-0.6, 0.6), ylim=(-0.6, 0.6))
+    _legend(figure, axes)
+
+
+def _draw_step_size(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    figure.set_size_inches(WIDTH_IN, 5.0)
+    grid = figure.subplots(2, 3, sharex=True, sharey=True)
+    shades = np.linspace(0.15, 1.0, len(STEPS_S))
+    for axes, name in zip(grid.flat, wanted.studies, strict=True):
+        study = evidence.study(name)
+        for run, shade in zip(study["runs"], shades, strict=True):
+            error = np.clip(run["error_m"], 1e-3, 1e3)
+            axes.semilogy(
+                run["time_s"],
+                error,
+                color=TRACTOR,
+                alpha=shade,
+                linewidth=0.9,
+                label=_step(run["step_s"]),
+            )
+        axes.set_title(study["law"].replace(", ", ",\n", 1))
+        axes.set(ylim=(1e-2, 30.0))
+    for axes in grid[-1]:
+        axes.set_xlabel("time [s]")
+    for axes in grid[:, 0]:
+        axes.set_ylabel("|P − P_d| [m]")
+    _legend(figure, grid[0, 0], columns=4)
+
+
+def _step(step_s: float) -> str:
+    return f"{1e3 * step_s:g} ms" if step_s >= 1e-3 else f"{1e6 * step_s:.0f} µs"
+
+
+def _draw_continuous(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    del wanted
+    left, right = figure.subplots(1, 2)
+    cases = evidence.study("continuous")["cases"]
+    labels = dict.fromkeys((case["circle"], case["theta2"]) for case in cases)
+    colours = dict(zip(labels, COLOURS, strict=False))
+    for case in cases:
+        colour = colours[case["circle"], case["theta2"]]
+        if case["gamma"] == "exact":
+            left.plot(case["end_time_s"], case["v_share"][-1], "x", color=colour)
+            continue
+        label = f"{case['circle']}, {case['theta2']}"
+        left.plot(case["time_s"], case["v_share"], color=colour, label=label)
+        right.plot(case["time_s"], case["e5_rad"], color=colour, linewidth=1.0)
+    left.set(xlabel="time [s]", ylabel="V / V(0)", xlim=(-0.5, 20.0))
+    right.set(xlabel="time [s]", ylabel="e5 = θ2 − θ2d [rad]")
+    _legend(figure, left, columns=2)
+
+
+def _draw_lyapunov(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    axes = _time_axes(figure, "V / V(0)")
+    for run, name, colour in _in_order(wanted):
+        log = evidence.lyapunov(run)
+        share = np.maximum(log.v / log.v[0], 1e-12)
+        axes.semilogy(_thin(log.time_s), _thin(share), color=colour, linewidth=1.0, label=name)
+    _legend(figure, axes)
+
+
+def _draw_friction(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    del wanted
+    left, right = figure.subplots(1, 2)
+    rows, load = friction.balances(evidence)[:-1], friction.largest_load_n_m(evidence)
+    torque = np.geomspace(2e-5, 2e-3, 200)
+    band = np.arccos(np.minimum(torque / load, 1.0))
+    left.fill_between(1e3 * torque, band, np.pi - band, color="#DDDDDD", label="friction can hold")
+    friction_mn_m = [1e3 * max(row.friction_n_m, 2e-5) for row in rows]
+    angles = [row.hitch_angle_rad for row in rows]
+    swings = [0.5 * row.swing_rad for row in rows]
+    left.errorbar(
+        friction_mn_m,
+        angles,
+        swings,
+        fmt="o",
+        color=TRAILER,
+        markersize=4,
+        capsize=2,
+        label="contact physics, mean and range",
+    )
+    left.axvline(1e3 * load, **REFERENCE)
+    left.set(
+        xscale="log",
+        xlim=(1.5e-2, 2.0),
+        xlabel="dry friction T [mN·m] (0 drawn at the left)",
+        ylabel="hitch angle [rad]",
+        ylim=(-0.3, 3.8),
+    )
+    right.loglog(friction_mn_m, [1e3 * row.trailer_error_m for row in rows], "o-", color=TRAILER)
+    right.axvline(1e3 * load, **REFERENCE, label="m2·l·R·ω²")
+    right.set(
+        xlabel="dry friction T [mN·m]",
+        ylabel="trailer, from straight behind [mm]",
+        xlim=(1.5e-2, 2.0),
+    )
+    figure.legend(loc="outside lower center", ncols=3)
+
+
+DRAWERS: dict[str, Callable[[Figure, Wanted, Evidence], None]] = {
+    "tractor_paths": _draw_paths("tractor"),
+    "trailer_paths": _draw_paths("trailer"),
+    "x": _draw_coordinate(0, "x of P [m]"),
+    "y": _draw_coordinate(1, "y of P [m]"),
+    "theta1": _draw_coordinate(2, "θ1 [rad]"),
+    "theta2": _draw_coordinate(3, "θ2 [rad]"),
+    "wheel_right": _draw_wheel(RIGHT, "right wheel [rad/s]"),
+    "wheel_left": _draw_wheel(LEFT, "left wheel [rad/s]"),
+    "phase_plane": _draw_phase_plane,
+    "step_size": _draw_step_size,
+    "continuous": _draw_continuous,
+    "lyapunov": _draw_lyapunov,
+    "friction": _draw_friction,
+}
+
+
+def _in_order(wanted: Wanted) -> list[tuple[str, str, str]]:
+    """(run, label, colour) of a figure with one panel."""
+    runs = wanted.panels[0].runs
+    return [(run, label, colour) for (run, label), colour in zip(runs, COLOURS, strict=False)]
+
+
+def _time_axes(figure: Figure, label: str) -> Axes:
+    axes = figure.subplots()
+    axes.set(xlabel="time [s]", ylabel=label)
+    axes.margins(x=0.01)
+    return axes
+
+
+def _legend(figure: Figure, axes: Axes, columns: int = 3) -> None:
+    """The names of one pair of axes, below the figure, where they hide nothing."""
+    handles, labels = axes.get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=columns)

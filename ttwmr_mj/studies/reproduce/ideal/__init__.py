@@ -1,0 +1,1 @@
+"""The published laws on Eq. 31 itself."""

@@ -1,0 +1,1 @@
+"""Proofs of the article's errors, by computer algebra."""

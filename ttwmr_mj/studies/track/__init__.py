@@ -1,0 +1,1 @@
+"""Tracking the robot through a video."""

@@ -1,0 +1,101 @@
+"""What `ttwmr track` does: from a video or camera to poses.parquet and track.rrd."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.trajectory import Q_NAMES, RATE_NAMES
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.vision.calibration.file import load_calibration
+from ttwmr_mj.vision.log import CameraRecord
+from ttwmr_mj.vision.tracking.follow_video import follow, open_footage, robot_layout
+
+STD_NAMES = ("x_std_m", "y_std_m", "theta1_std_rad", "theta2_std_rad")
+
+
+@dataclass(frozen=True, slots=True)
+class Track:
+    """What tracking left behind.
+
+    Attributes:
+        folder: with poses.parquet and track.rrd.
+        frames: how many were seen.
+        tracked: in how many the robot was found and the estimate valid.
+    """
+
+    folder: Path
+    frames: int
+    tracked: int
+
+
+def track(
+    source: str,
+    calibration_path: Path,
+    folder: Path,
+    robot: RobotParameters,
+    *,
+    max_frames: int | None = None,
+    progress: Callable[[float], None] | None = None,
+) -> Track:
+    """Track the robot through a video or a camera's stream.
+
+    poses.parquet has a row per frame: time_s, x_m … theta2_rad and their rates and standard
+    deviations (NaN before the robot was first seen), labels_found, valid.
+
+    Args:
+        source: a video file, or a camera's index.
+        calibration_path: a file of `ttwmr calibrate`.
+        folder: for the files; it exists.
+        robot: in the pictures.
+        max_frames: stop after so many; None: at the end.
+        progress: called with the number of frames done.
+
+    Raises:
+        InputError: the video or the calibration cannot be used.
+    """
+    from ttwmr_mj.studies.track.recording import TrackRecorder
+
+    calibration = load_calibration(calibration_path)
+    rows: list[tuple[float, ...]] = []
+    with ExitStack() as stack:
+        footage = stack.enter_context(open_footage(source, calibration))
+        recorder = stack.enter_context(
+            TrackRecorder(folder / "track.rrd", source, calibration.camera, robot_layout(robot))
+        )
+
+        def consume(records: list[CameraRecord]) -> None:
+            recorder.append(records)
+            rows.extend(_row(record) for record in records)
+            if progress is not None:
+                progress(float(len(rows)))
+
+        try:
+            frames = follow(footage, calibration, robot, consume, max_frames=max_frames)
+        except KeyboardInterrupt:  # how one ends a camera's stream
+            frames = len(rows)
+    if not rows:
+        raise InputError(f"{source}: stopped before the first frame")
+    _write(rows, folder / "poses.parquet")
+    return Track(folder, frames, sum(int(row[-1]) for row in rows))
+
+
+def _row(record: CameraRecord) -> tuple[float, ...]:
+    estimate = record.estimate
+    spread = np.sqrt(np.maximum(estimate.covariance.diagonal(), 0.0))
+    numbers = [record.time_s, *estimate.q, *estimate.q_rate, *spread[:4]]
+    return (*map(float, numbers), float(estimate.labels), float(estimate.valid))
+
+
+def _write(rows: list[tuple[float, ...]], path: Path) -> None:
+    import pyarrow as pa
+
+    names = ("time_s", *Q_NAMES, *RATE_NAMES, *STD_NAMES, "labels_found", "valid")
+    columns = np.array(rows).T
+    write_parquet(pa.table(dict(zip(names, columns, strict=True))), path)

@@ -1,0 +1,1 @@
+"""Calibration of a camera with a ChArUco board."""

@@ -1,0 +1,204 @@
+"""The ChArUco board: its geometry, how it is found in an image, and frames that show it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from ttwmr_mj.assets import models_folder
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.lens import LensMap
+from ttwmr_mj.vision.camera.model import CameraModel, hang_camera, true_camera
+from ttwmr_mj.vision.camera.noise import SensorNoise
+from ttwmr_mj.vision.camera.renderer import ROBOT_GROUP, Image, RegionRenderer
+from ttwmr_mj.vision.options import CameraOptions
+
+SQUARES = (7, 5)  # along and across
+SQUARE_M = 0.08
+MARKER_M = 0.06
+THICKNESS_M = 0.003
+TEXTURE_PX = 160  # of one square
+PAPER_WHITE = 0.7  # under the lamps this does not saturate
+HIDDEN_GROUP = 5
+REFINEMENT_BLUR_PX = 0.8
+REFINEMENT_STEPS = 8
+REACH_M = 0.5 * (SQUARE_M - MARKER_M)  # from a corner to the nearest marker
+MIN_REACH_PX = 3.0
+MIN_CORNERS = 6  # fewer say little about a pose
+SIZE_M: FloatArray = SQUARE_M * np.array(SQUARES)
+
+
+class BoardView(NamedTuple):
+    """The corners of the board seen in one image.
+
+    Attributes:
+        points_m: (n, 2) x right and y up on the board from its middle, seen from above.
+        pixels: (n, 2) column, row.
+    """
+
+    points_m: FloatArray
+    pixels: FloatArray
+
+
+class BoardDetector:
+    """Finds the board's inner corners."""
+
+    def __init__(self) -> None:
+        self._detector = cv2.aruco.CharucoDetector(_board())
+        self._corners = np.asarray(_board().getChessboardCorners(), dtype=np.float64)[:, :2]
+
+    def find(self, image: Image) -> BoardView | None:
+        """The board in an image, or None where fewer than `MIN_CORNERS` corners are seen."""
+        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+        corners, ids, _, _ = self._detector.detectBoard(grey)
+        if ids is None or len(ids) < MIN_CORNERS:
+            return None
+        rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+        on_board = self._corners[np.asarray(ids).ravel()] - 0.5 * SIZE_M
+        on_board[:, 1] *= -1.0  # OpenCV counts a board's y from above
+        scale = _pixels_per_metre(on_board, rough)
+        pixels = _refined(grey, rough, max(MIN_REACH_PX, REACH_M * scale))
+        return BoardView(on_board, pixels)
+
+
+class BoardCamera:
+    """Frames of the board through the same lens and sensor as the robot's.
+
+    Attributes:
+        true: the camera's geometry.
+    """
+
+    def __init__(self, options: CameraOptions, rng: np.random.Generator) -> None:
+        """Build the laboratory with a board in it and no robot.
+
+        Raises:
+            MachineError: no OpenGL.
+        """
+        model = _board_model()
+        hang_camera(model, options)
+        self.true: CameraModel = true_camera(model, options)
+        self._lens = LensMap(self.true, options.supersampling, options.lens.defocus_px)
+        self._renderer = RegionRenderer(model, options.name, self._lens.focal_px)
+        self._noise = SensorNoise(options.noise, options.width_px, options.height_px, rng)
+        self._everywhere = slice(0, options.height_px), slice(0, options.width_px)
+        self._floor = self._renderer.static(self._lens.whole)
+        self._qpos = model.qpos0.copy()
+
+    def take(self, position_m: FloatArray, rotation: FloatArray, time_s: float) -> Image:
+        """A frame of the board held still.
+
+        Args:
+            position_m: (3,) of the middle of its printed face.
+            rotation: (3, 3) from board axes (x along, y up the print, z out of it) to the world.
+            time_s: when; gains drift with it.
+        """
+        quaternion = np.empty(4)
+        mujoco.mju_mat2Quat(quaternion, np.ascontiguousarray(rotation).ravel())
+        centre = position_m - 0.5 * THICKNESS_M * rotation[:, 2]
+        self._qpos[-7:] = np.concatenate([centre, quaternion])
+        self._renderer.place(self._qpos)
+        picture = self._renderer.robot(self._lens.whole)
+        beside = cv2.inRange(picture, (0, 0, 0), (0, 0, 0))
+        cv2.copyTo(self._floor, beside, picture)
+        light = self._lens.expose(picture, self._lens.whole, *self._everywhere)
+        return self._noise.read(light, time_s)
+
+    def close(self) -> None:
+        """Give back what OpenGL holds."""
+        self._renderer.close()
+
+
+def _refined(grey: Image, corners_px: FloatArray, reach_px: float) -> FloatArray:
+    """Saddle points (n, 2) near rough corners (n, 2).
+
+    Around a corner of a chessboard the picture is its own half turn. Gauss-Newton finds the point
+    about which I(c + d) = I(c − d) holds best for |d| up to a reach that leaves the markers out.
+    Depending on where in its pixel a corner lies, this errs by up to 0.01 px, and
+    `cv2.cornerSubPix` by up to 0.14 px.
+    """
+    sharp = np.asarray(grey, dtype=np.float32)
+    soft = np.asarray(cv2.GaussianBlur(sharp, (0, 0), REFINEMENT_BLUR_PX), dtype=np.float32)
+    slope_x = np.asarray(cv2.Sobel(soft, cv2.CV_32F, 1, 0, scale=0.125), dtype=np.float32)
+    slope_y = np.asarray(cv2.Sobel(soft, cv2.CV_32F, 0, 1, scale=0.125), dtype=np.float32)
+    offset = np.stack(_half_disc(reach_px), axis=-1)  # the other half is the same, turned
+    corner = corners_px.copy()
+    for _ in range(REFINEMENT_STEPS):
+        here, there = corner[:, None] + offset, corner[:, None] - offset
+        difference = _sampled(soft, here) - _sampled(soft, there)
+        by_x = _sampled(slope_x, here) - _sampled(slope_x, there)
+        by_y = _sampled(slope_y, here) - _sampled(slope_y, there)
+        xx, xy, yy = (by_x**2).sum(axis=1), (by_x * by_y).sum(axis=1), (by_y**2).sum(axis=1)
+        x, y = (by_x * difference).sum(axis=1), (by_y * difference).sum(axis=1)
+        step = np.stack([yy * x - xy * y, xx * y - xy * x], axis=-1)
+        corner = corner - step / (xx * yy - xy**2)[:, None]
+    lost = np.abs(corner - corners_px).max(axis=1) > reach_px
+    corner[lost] = corners_px[lost]
+    return corner
+
+
+def _pixels_per_metre(points_m: FloatArray, pixels: FloatArray) -> float:
+    """Mean scale of a view of the board."""
+    return float(pixels.std(axis=0).sum() / points_m.std(axis=0).sum())
+
+
+def _half_disc(radius_px: float) -> tuple[FloatArray, FloatArray]:
+    """Half-pixel steps x, y of one half of a disc."""
+    steps = np.arange(-int(2 * radius_px), int(2 * radius_px) + 1) / 2.0
+    x, y = np.meshgrid(steps, steps[steps >= 0.0])
+    inside = x**2 + y**2 <= radius_px**2
+    return x[inside], y[inside]
+
+
+def _sampled(image: NDArray[np.float32], pixel: FloatArray) -> FloatArray:
+    """Cubic interpolation of an image at pixels (n, m, 2)."""
+    place = pixel.astype(np.float32)
+    return np.asarray(
+        cv2.remap(image, place[..., 0], place[..., 1], cv2.INTER_CUBIC), dtype=np.float64
+    )
+
+
+def _board() -> cv2.aruco.CharucoBoard:
+    dictionary = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
+    return cv2.aruco.CharucoBoard(SQUARES, SQUARE_M, MARKER_M, dictionary)
+
+
+def board_print() -> NDArray[np.uint8]:
+    """The board as it is printed, (rows, columns) grey, without margin."""
+    size = (SQUARES[0] * TEXTURE_PX, SQUARES[1] * TEXTURE_PX)
+    return np.asarray(_board().generateImage(size, marginSize=0))
+
+
+def _board_model() -> mujoco.MjModel:
+    """The shipped laboratory, its robot hidden, with the board on a free joint (last in qpos)."""
+    spec = mujoco.MjSpec.from_file(str(models_folder() / "scene.xml"))
+    for geom in spec.geoms:
+        if geom.parent.name != "world":
+            geom.group = HIDDEN_GROUP
+    for key in list(spec.keys):
+        spec.delete(key)
+    # black that is black would be taken for background
+    ink = np.maximum(board_print(), 8)
+    texture = spec.add_texture(
+        name="print",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        width=ink.shape[1],
+        height=ink.shape[0],
+        nchannel=3,
+    )
+    texture.data = np.repeat(ink[..., None], 3, axis=2).tobytes()
+    material = spec.add_material(name="print", rgba=[PAPER_WHITE] * 3 + [1.0], specular=0.0)
+    material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "print"
+    body = spec.worldbody.add_body(name="charuco")
+    body.add_freejoint()
+    body.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_BOX,
+        size=[*(0.5 * SIZE_M), 0.5 * THICKNESS_M],
+        material="print",
+        group=ROBOT_GROUP,
+        mass=0.1,
+    )
+    return spec.compile()

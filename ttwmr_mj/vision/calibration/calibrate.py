@@ -1,0 +1,257 @@
+"""From views of a ChArUco board to a camera's intrinsics, distortion and place in the world.
+
+Intrinsics come from all views (OpenCV). The place comes from the views of the board lying flat.
+Where it lies at the origin it defines the world, x along its long side and z up; several shots of
+it there average out noise. Where it lies elsewhere is solved along with the camera, which one
+small board would leave loose in tilt.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from scipy.optimize import least_squares
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.calibration.board import (
+    SQUARES,
+    THICKNESS_M,
+    BoardCamera,
+    BoardDetector,
+    BoardView,
+)
+from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.options import CameraOptions
+
+MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
+HELD_VIEWS = 24  # rendered at many tilts and distances
+ORIGIN_VIEWS = 6
+FLAT_POSES = ((0.6, 0.4, 0.5), (-0.6, 0.4, -0.4), (-0.6, -0.4, 2.8), (0.6, -0.4, 3.5))
+TILT_RAD = (0.15, 0.6)
+HEIGHT_M = (0.5, 1.2)  # of held boards above the floor
+PERIOD_S = 0.5  # between two rendered views, while gains drift
+
+
+@dataclass(frozen=True, slots=True)
+class Calibration:
+    """What the loop knows about its camera.
+
+    Attributes:
+        camera: geometry, distortion and pose.
+        reprojection_rms_px: how well the board's corners are explained, intrinsics.
+        floor_rms_px: the same for the flat views and the camera's place.
+        views: number of views with a board.
+    """
+
+    camera: CameraModel
+    reprojection_rms_px: float
+    floor_rms_px: float
+    views: int
+
+
+@dataclass(frozen=True, slots=True)
+class BoardViews:
+    """All views of the board, by how it was placed.
+
+    Attributes:
+        held: at all tilts; together they should reach every part of the picture.
+        origin: flat on the floor at the world's origin, long side along x.
+        flat: flat on the floor, anywhere.
+    """
+
+    held: list[BoardView]
+    origin: list[BoardView]
+    flat: list[BoardView]
+
+
+def calibrate(views: BoardViews, width_px: int, height_px: int) -> Calibration:
+    """Solve for the camera that took images of this size.
+
+    Raises:
+        InputError: too few views, none at the origin, or views that determine no camera.
+    """
+    everything = [*views.held, *views.origin, *views.flat]
+    if len(everything) < MIN_VIEWS or not views.origin:
+        raise InputError(
+            f"calibration: the board was found in {len(everything)} views, "
+            f"{len(views.origin)} of them at the origin; at least {MIN_VIEWS} and 1 are needed. "
+            f"Show the whole ChArUco board ({SQUARES[0]}×{SQUARES[1]} squares, DICT_4X4_50), sharp "
+            "and well lit"
+        )
+    points = [_in_space(view.points_m).astype(np.float32) for view in everything]
+    pixels = [view.pixels.astype(np.float32) for view in everything]
+    try:
+        rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+            points, pixels, (width_px, height_px), None, None, flags=cv2.CALIB_FIX_K3
+        )
+    except cv2.error as error:
+        raise InputError(
+            f"calibration: the views determine no camera ({error.err}); tilt the board in more "
+            "of them"
+        ) from error
+    solved = np.asarray(matrix, dtype=np.float64)
+    inner = CameraModel(
+        width_px=width_px,
+        height_px=height_px,
+        focal_px=solved[[0, 1], [0, 1]].copy(),
+        principal_px=solved[:2, 2].copy(),
+        distortion=np.asarray(distortion, dtype=np.float64).ravel()[:5],
+        rotation=np.eye(3),
+        position_m=np.zeros(3),
+    )
+    first = len(views.held)
+    start = np.concatenate([np.ravel(turns[first]), np.ravel(shifts[first])])
+    camera, floor_rms = _place(inner, views, start)
+    return Calibration(camera, float(rms), floor_rms, len(everything))
+
+
+def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calibration:
+    """Calibrate the simulated camera by showing it a board, as one would the real one.
+
+    Raises:
+        InputError: the board was not found often enough, as with too much noise.
+        MachineError: no OpenGL.
+    """
+    camera = BoardCamera(options, rng)
+    detector = BoardDetector()
+    moments = iter(PERIOD_S * np.arange(HELD_VIEWS + ORIGIN_VIEWS + len(FLAT_POSES)))
+
+    def views(poses: list[tuple[FloatArray, FloatArray]]) -> list[BoardView]:
+        seen = [detector.find(camera.take(*pose, float(next(moments)))) for pose in poses]
+        return [view for view in seen if view is not None]
+
+    found = BoardViews(
+        held=views(_held_poses(camera.true, rng)),
+        origin=views([_flat_pose(0.0, 0.0, 0.0)] * ORIGIN_VIEWS),
+        flat=views([_flat_pose(*pose) for pose in FLAT_POSES]),
+    )
+    camera.close()
+    return calibrate(found, options.width_px, options.height_px)
+
+
+def calibrate_images(held: list[Path], origin: list[Path], flat: list[Path]) -> Calibration:
+    """Calibrate a real camera from image files, placed as in `BoardViews`.
+
+    Raises:
+        InputError: an image cannot be read, sizes differ, or too few boards.
+    """
+    paths = [*held, *origin, *flat]
+    if not paths:
+        raise InputError("calibration: no images given; take at least 20 of the ChArUco board")
+    images = {path: _read_image(path) for path in paths}
+    height, width = images[paths[0]].shape[:2]
+    for path, image in images.items():
+        if image.shape[:2] != (height, width):
+            raise InputError(
+                f"{path}: {image.shape[1]}×{image.shape[0]} px, but {paths[0]} has "
+                f"{width}×{height}; all must come from one camera at one setting"
+            )
+    detector = BoardDetector()
+    groups = []
+    for group in (held, origin, flat):
+        seen = [detector.find(images[path]) for path in group]
+        groups.append([view for view in seen if view is not None])
+    return calibrate(BoardViews(*groups), width, height)
+
+
+def _read_image(path: Path) -> Image:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: cannot be read as an image (PNG and JPEG work)")
+    return np.asarray(image, dtype=np.uint8)
+
+
+def _in_space(points_m: FloatArray) -> FloatArray:
+    return np.column_stack([points_m, np.zeros(len(points_m))])
+
+
+def _place(inner: CameraModel, views: BoardViews, start: FloatArray) -> tuple[CameraModel, float]:
+    """The camera's pose in the world of the board at the origin, and what is left over [px].
+
+    Args:
+        inner: intrinsics and distortion.
+        views: those at the origin and flat ones count.
+        start: (6,) OpenCV's rotation vector and translation of the first view at the origin.
+    """
+    seen = np.concatenate([view.pixels for view in [*views.origin, *views.flat]])
+    at_origin = [_lying(view.points_m, 0.0, 0.0, 0.0) for view in views.origin]
+
+    def residual(unknown: FloatArray) -> FloatArray:
+        elsewhere = [
+            _lying(view.points_m, *pose)
+            for view, pose in zip(views.flat, unknown[6:].reshape(-1, 3), strict=True)
+        ]
+        points = np.concatenate([*at_origin, *elsewhere])
+        return np.asarray((_at(inner, unknown[:6]).project(points) - seen).ravel())
+
+    first = _at(inner, start)
+    guess = [
+        _board_pose(view.points_m, first.to_plane(view.pixels, THICKNESS_M)) for view in views.flat
+    ]
+    solution = least_squares(residual, np.concatenate([start, *guess]), method="lm", x_scale="jac")
+    rms = float(np.sqrt(2.0 * solution.cost / len(seen)))
+    return _at(inner, solution.x[:6]), rms
+
+
+def _at(inner: CameraModel, pose: FloatArray) -> CameraModel:
+    """The camera at OpenCV's pose (6,) of the printed face, which is a thickness above z = 0."""
+    rotation = np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64)
+    position = -rotation.T @ pose[3:] + [0.0, 0.0, THICKNESS_M]
+    return replace(inner, rotation=rotation, position_m=position)
+
+
+def _lying(points_m: FloatArray, x_m: float, y_m: float, angle_rad: float) -> FloatArray:
+    """World points (n, 3) of a board's face lying on the floor."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    x, y = points_m.T
+    height = np.full(len(x), THICKNESS_M)
+    return np.column_stack([x_m + cos * x - sin * y, y_m + sin * x + cos * y, height])
+
+
+def _board_pose(points_m: FloatArray, world_m: FloatArray) -> FloatArray:
+    """(3,) x, y and angle that bring board points (n, 2) onto world points (n, 2)."""
+    here, there = points_m.mean(axis=0), world_m.mean(axis=0)
+    a, b = points_m - here, world_m - there
+    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
+    cos, sin = np.cos(angle), np.sin(angle)
+    shift = there - [cos * here[0] - sin * here[1], sin * here[0] + cos * here[1]]
+    return np.array([*shift, angle])
+
+
+def _flat_pose(x_m: float, y_m: float, angle_rad: float) -> tuple[FloatArray, FloatArray]:
+    """Position of the face's middle and rotation of a board lying on the floor."""
+    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
+    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    return np.array([x_m, y_m, THICKNESS_M]), rotation
+
+
+def _held_poses(
+    camera: CameraModel, rng: np.random.Generator
+) -> list[tuple[FloatArray, FloatArray]]:
+    """Poses that carry the board's middle over a grid of the picture, tilted at random."""
+    columns, rows = 4, 3
+    poses = []
+    for i in range(HELD_VIEWS):
+        column, row = i % columns, (i // columns) % rows
+        pixel = np.array(
+            [
+                (0.18 + 0.64 * column / (columns - 1)) * camera.width_px,
+                (0.2 + 0.6 * row / (rows - 1)) * camera.height_px,
+            ]
+        )
+        height = rng.uniform(*HEIGHT_M)
+        middle = camera.to_plane(pixel, height)
+        spin, lean, tilt = (
+            rng.uniform(-0.5, 0.5),
+            rng.uniform(-np.pi, np.pi),
+            rng.uniform(*TILT_RAD),
+        )
+        axis = tilt * np.array([np.cos(lean), np.sin(lean), 0.0])
+        rotation = cv2.Rodrigues(axis)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, spin]))[0]
+        poses.append((np.array([*middle, height]), np.asarray(rotation)))
+    return poses

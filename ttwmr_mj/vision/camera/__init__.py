@@ -1,0 +1,1 @@
+"""The camera: model, lens, light, and the pictures it takes."""

@@ -1,0 +1,46 @@
+"""A camera frame, and what is true about it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.renderer import Image
+
+BACKGROUND, TRACTOR_CLASS, TRAILER_CLASS, FIRST_LABEL_CLASS = 0, 1, 2, 3
+OCCLUDER_CLASS = FIRST_LABEL_CLASS + 4
+DISTRACTOR_CLASS = OCCLUDER_CLASS + 1
+
+
+@dataclass(frozen=True, slots=True)
+class FrameTruth:
+    """What a frame shows, for scoring; nothing in the loop may look at it.
+
+    Attributes:
+        q: (4,) x, y, θ1, θ2 at the middle of the exposure.
+        centres_px: (4, 2) column and row of the labels' centres, in the order of `labels.NAMES`;
+            also where a label is hidden or outside of the picture.
+        visible: (4,) share of each label's area that can be seen, 0 to 1.
+        segmentation: (rows, columns) class of every pixel: 0 background, 1 tractor, 2 trailer,
+            3-6 the labels, 7 occluder, 8 distractor; None unless asked for.
+    """
+
+    q: FloatArray
+    centres_px: FloatArray
+    visible: FloatArray
+    segmentation: Image | None
+
+
+@dataclass(frozen=True, slots=True)
+class Frame:
+    """One picture.
+
+    Attributes:
+        image: (rows, columns, 3) blue, green, red.
+        time_s: middle of the exposure.
+        truth: None for a real camera's frame.
+    """
+
+    image: Image
+    time_s: float
+    truth: FrameTruth | None

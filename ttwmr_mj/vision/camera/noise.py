@@ -1,0 +1,81 @@
+"""From light to numbers: drifting gains, shot and read noise, eight bits."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.options import Noise
+
+FULL_SCALE = 255.0
+STRIP_ROWS = 32  # of the picture at a time: what is computed on the way stays in the cache
+TILE_MARGIN = 256  # a frame's noise is a random window of a tile this much larger than the frame
+
+
+class SensorNoise:
+    """Turns what falls on the sensor into what is read from it.
+
+    Normal numbers are drawn once; every frame takes a window at a random place of them. Two frames
+    share no window but once in 65536, and white noise one pixel aside is as good as new.
+    """
+
+    def __init__(
+        self, options: Noise, width_px: int, height_px: int, rng: np.random.Generator
+    ) -> None:
+        self._options = options
+        self._rng = rng
+        self._shape = (height_px, width_px)
+        tile = (height_px + TILE_MARGIN, width_px + TILE_MARGIN, 3)
+        self._noisy = bool(options.read_noise or options.shot_noise)
+        self._tile = rng.standard_normal(tile if self._noisy else (0,), dtype=np.float32)
+        light = np.arange(256) / FULL_SCALE
+        spread = np.hypot(options.read_noise, options.shot_noise * np.sqrt(light))
+        self._spread = (FULL_SCALE * spread).astype(np.float32)
+        self._gain_rows = np.empty((STRIP_ROWS, width_px, 3), dtype=np.float32)
+        self._signal, self._noise = np.empty_like(self._gain_rows), np.empty_like(self._gain_rows)
+        self._drift = rng.standard_normal(4)  # of gain, blue, green, red; unit variance
+        self._time_s: float | None = None
+
+    def read(self, light: Image, time_s: float) -> Image:
+        """The picture of a sensor under this light.
+
+        Args:
+            light: (rows, columns, 3) without noise; not changed.
+            time_s: when; gains drift with it, and times must not go back.
+
+        Returns:
+            (rows, columns, 3) as read.
+        """
+        gains = self._gains(time_s)
+        if not self._noisy:
+            if np.all(gains == 1.0):
+                return light
+            table = np.rint(np.arange(256)[:, None] * gains).clip(0, 255).astype(np.uint8)
+            return np.asarray(cv2.LUT(light, table[None]))
+        picture = np.empty_like(light)
+        self._gain_rows[:] = gains
+        top, left = self._rng.integers(TILE_MARGIN, size=2)
+        rows, columns = self._shape
+        window = self._tile[top : top + rows, left : left + columns]
+        for start in range(0, rows, STRIP_ROWS):
+            part = slice(start, min(start + STRIP_ROWS, rows))
+            size = part.stop - start
+            signal, noise = self._signal[:size], self._noise[:size]
+            np.multiply(light[part], self._gain_rows[:size], out=signal)
+            cv2.LUT(light[part], self._spread, dst=noise)
+            cv2.multiply(noise, window[part], dst=noise)
+            cv2.add(signal, noise, dst=picture[part], dtype=cv2.CV_8U)
+        return picture
+
+    def _gains(self, time_s: float) -> FloatArray:
+        """(3,) factors of blue, green, red: an Ornstein-Uhlenbeck walk about one."""
+        options = self._options
+        fresh = self._rng.standard_normal(4)
+        if self._time_s is not None:
+            kept = np.exp(-max(time_s - self._time_s, 0.0) / options.drift_time_s)
+            self._drift = kept * self._drift + np.sqrt(1.0 - kept**2) * fresh
+        self._time_s = time_s
+        walk = options.gain_drift * self._drift[0] + options.white_balance_drift * self._drift[1:]
+        return np.asarray(np.exp(walk))

@@ -1,0 +1,128 @@
+"""What lies between camera and floor or on it: occluders, glare, distractors."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.frame import OCCLUDER_CLASS
+from ttwmr_mj.vision.camera.labels import LabelLayout
+from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.options import Distractor, Glare, Occluder
+
+CORNERS = 48  # of the polygon that stands for a circle
+SUBPIXEL_BITS = 4
+_TURN = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+CIRCLE: FloatArray = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
+
+
+def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> FloatArray:
+    """(CORNERS, 3) points of a horizontal circle around x, y."""
+    points = np.empty((CORNERS, 3))
+    points[:, :2] = centre_m + 0.5 * diameter_m * CIRCLE
+    points[:, 2] = height_m
+    return points
+
+
+def fill(
+    image: Image, outline_px: FloatArray, value: tuple[float, ...], *, smooth: bool = True
+) -> None:
+    """Fill a convex outline (n, 2) into an image."""
+    corners = np.rint(outline_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
+    line = cv2.LINE_AA if smooth else cv2.LINE_8
+    cv2.fillConvexPoly(image, corners, value, line, SUBPIXEL_BITS)
+
+
+def occluder_centre(occluder: Occluder, time_s: float, labels_m: FloatArray) -> FloatArray:
+    """x, y (2,) of an occluder's middle at a time; labels_m (4, 3) is where the labels are."""
+    if occluder.over == "path":
+        share = (time_s - occluder.start_s) / (occluder.end_s - occluder.start_s)
+        start, end = np.array(occluder.from_m), np.array(occluder.to_m)
+        return np.asarray(start + share * (end - start))
+    half = labels_m[:2] if occluder.over == "tractor" else labels_m[2:]
+    return np.asarray(half[:, :2].mean(axis=0))
+
+
+class Occluders:
+    """Draws the occluders of a moment, and tells what they hide."""
+
+    def __init__(
+        self, occluders: tuple[Occluder, ...], camera: CameraModel, layout: LabelLayout
+    ) -> None:
+        self._occluders = occluders
+        self._camera = camera
+        self._height_m = float(layout.height_m.max())
+
+    def draw(
+        self, image: Image, segmentation: Image | None, time_s: float, labels_m: FloatArray
+    ) -> None:
+        """Draw into the image and the segmentation, in place."""
+        for occluder in self._occluders:
+            if not occluder.contains(time_s):
+                continue
+            centre = occluder_centre(occluder, time_s, labels_m)
+            outline = self._camera.project(
+                circle_points(centre, occluder.diameter_m, self._height_m)
+            )
+            grey = 255.0 * occluder.grey
+            fill(image, outline, (grey, grey, grey))
+            if segmentation is not None:
+                fill(segmentation, outline, (float(OCCLUDER_CLASS),), smooth=False)
+
+    def any_at(self, time_s: float) -> bool:
+        """Whether any of them is there at a time."""
+        return any(occluder.contains(time_s) for occluder in self._occluders)
+
+    def hide(self, points_m: FloatArray, time_s: float, labels_m: FloatArray) -> NDArray[np.bool_]:
+        """Which of the points (..., 3), at the labels' height, are hidden."""
+        hidden = np.zeros(points_m.shape[:-1], dtype=np.bool_)
+        for occluder in self._occluders:
+            if occluder.contains(time_s):
+                offset = points_m[..., :2] - occluder_centre(occluder, time_s, labels_m)
+                hidden |= (offset**2).sum(axis=-1) < (0.5 * occluder.diameter_m) ** 2
+        return hidden
+
+
+class GlareSpots:
+    """Adds bright spots to the light; each is computed once."""
+
+    def __init__(self, spots: tuple[Glare, ...], width_px: int, height_px: int) -> None:
+        column, row = np.arange(width_px), np.arange(height_px)[:, None]
+        self._spots = []
+        for spot in spots:
+            x, y = spot.position_px
+            square = (column - x) ** 2 + (row - y) ** 2
+            light = 255.0 * spot.strength * np.exp(-0.5 * square / spot.radius_px**2)
+            shade = np.rint(light.clip(0, 255)).astype(np.uint8)
+            self._spots.append((spot, np.repeat(shade[..., None], 3, axis=2)))
+
+    def add(self, image: Image, time_s: float) -> None:
+        """Add the light of a moment's spots in place; the sensor saturates."""
+        for spot, light in self._spots:
+            if spot.contains(time_s):
+                cv2.add(image, light, dst=image)
+
+
+def draw_distractor(
+    image: Image,
+    distractor: Distractor,
+    camera: CameraModel,
+    scale_px: FloatArray,
+    colour: tuple[float, ...],
+) -> None:
+    """Draw a disc on the floor into the ideal picture plane, in place.
+
+    Args:
+        image: fine pixels.
+        distractor: which disc.
+        camera: gives position and axes.
+        scale_px: (3,) fine pixels per unit slope, and the column and row of the optical axis.
+        colour: value to fill in.
+    """
+    points = circle_points(np.array(distractor.position_m), distractor.diameter_m, 0.0)
+    in_camera = (points - camera.position_m) @ camera.rotation.T
+    outline = scale_px[0] * in_camera[:, :2] / in_camera[:, 2:] + scale_px[1:]
+    fill(image, outline, colour, smooth=image.ndim == 3)

@@ -1,0 +1,255 @@
+"""The simulated camera: a robot's posture becomes a frame with its truth."""
+
+from __future__ import annotations
+
+from copy import copy
+from functools import partial
+
+import cv2
+import mujoco
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.frame import (
+    DISTRACTOR_CLASS,
+    FIRST_LABEL_CLASS,
+    TRACTOR_CLASS,
+    TRAILER_CLASS,
+    Frame,
+    FrameTruth,
+)
+from ttwmr_mj.vision.camera.labels import COUNT, NAMES, read_layout
+from ttwmr_mj.vision.camera.lens import LensMap
+from ttwmr_mj.vision.camera.model import CameraModel, hang_camera, true_camera
+from ttwmr_mj.vision.camera.noise import SensorNoise
+from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, draw_distractor
+from ttwmr_mj.vision.camera.posture import Posture
+from ttwmr_mj.vision.camera.renderer import Image, Region, RegionRenderer
+from ttwmr_mj.vision.options import CameraOptions, Distractor, FadedLabel
+
+MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
+FLOOR_HALF_SIZE_M = 5.0  # an infinite floor costs 1 ms a picture
+_RINGS = np.sqrt(np.array([1.0, 3.0, 5.0, 7.0]) / 8.0)
+# points that stand for equal shares of a disc's area
+DISC: FloatArray = (_RINGS[:, None, None] * CIRCLE[::2]).reshape(-1, 2)
+
+
+class VirtualCamera:
+    """Takes frames of one robot. All calls must come from the thread that made it.
+
+    Attributes:
+        model: its own copy of the scene it looks at.
+        true: its geometry; the loop knows only a calibration of it.
+        layout: the labels on the robot.
+        posture: between q and this model's joints.
+    """
+
+    def __init__(
+        self,
+        options: CameraOptions,
+        model: mujoco.MjModel,
+        rng: np.random.Generator,
+    ) -> None:
+        """Build the scene and render its background.
+
+        Args:
+            options: the camera, its sensor and its faults.
+            model: the scene, as of `plants.mjcf.build_model`; it is copied.
+            rng: source of the sensor's noise.
+
+        Raises:
+            InputError: the scene lacks a part, or the lens folds the picture.
+            MachineError: no OpenGL.
+        """
+        self._options = options
+        self.model = copy(model)
+        self.layout = read_layout(self.model)
+        hang_camera(self.model, options)
+        self.true: CameraModel = true_camera(self.model, options)
+        self.posture = Posture(self.model)
+        _simplify_for_drawing(self.model)
+        for faded in options.faults.faded:
+            _fade(self.model, faded)
+        self._lens = LensMap(self.true, options.supersampling, options.lens.defocus_px)
+        self._renderer = RegionRenderer(self.model, options.name, self._lens.focal_px)
+        self._noise = SensorNoise(options.noise, options.width_px, options.height_px, rng)
+        self._occluders = Occluders(options.faults.occluders, self.true, self.layout)
+        self._glare = GlareSpots(options.faults.glare, options.width_px, options.height_px)
+        self._classes = _classes(self.model)
+        self._size_px = np.array([self.true.width_px, self.true.height_px])
+        highest = float(self.layout.height_m.max())
+        self._label_px = 2.0 * self.layout.radius_m / self.true.metres_per_pixel(highest)
+        self._empty_floor = self._renderer.static(self._lens.whole)
+        self.lay_out(options.faults.distractors)
+
+    def lay_out(self, distractors: tuple[Distractor, ...]) -> None:
+        """Put other distractors on the floor."""
+        whole = self._lens.whole
+        self._floor = self._empty_floor.copy()
+        classes = np.zeros(whole.shape, dtype=np.uint8)
+        scale = np.array([self._lens.focal_px, -whole.left - 0.5, -whole.top - 0.5])
+        for distractor in distractors:
+            bgr = self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
+            colour = tuple(float(255 * channel) for channel in bgr)
+            draw_distractor(self._floor, distractor, self.true, scale, colour)
+            draw_distractor(classes, distractor, self.true, scale, (float(DISTRACTOR_CLASS),))
+        everywhere = slice(0, self.true.height_px), slice(0, self.true.width_px)
+        self._background = self._lens.expose(self._floor, whole, *everywhere)
+        self._background_classes = self._lens.nearest(classes, whole, *everywhere)
+
+    def take(
+        self,
+        qpos: FloatArray,
+        q_rate: FloatArray,
+        time_s: float,
+        *,
+        segmentation: bool = False,
+    ) -> Frame:
+        """Expose a frame whose shutter closes now.
+
+        Args:
+            qpos: (nq,) generalized positions now.
+            q_rate: (4,) rates of q, taken as constant while the shutter is open.
+            time_s: now; from frame to frame it must not go back.
+            segmentation: render the class of every pixel as well.
+
+        Returns:
+            The frame, its time in the middle of the exposure.
+        """
+        half_s = 0.5 * self._options.exposure.exposure_s
+        middle = self.posture.moved(qpos, q_rate, -half_s)
+        q = self.posture.coordinates(middle)
+        labels_m = self.layout.centres_m(q)
+        light, classes = self._light(qpos, q_rate, segmentation=segmentation)
+        moment = time_s - half_s
+        self._occluders.draw(light, classes, moment, labels_m)
+        self._glare.add(light, moment)
+        centres_px = self.true.project(labels_m)
+        truth = FrameTruth(
+            q=q,
+            centres_px=centres_px,
+            visible=self._visible(labels_m, centres_px, moment),
+            segmentation=classes,
+        )
+        return Frame(image=self._noise.read(light, moment), time_s=moment, truth=truth)
+
+    def close(self) -> None:
+        """Give back what OpenGL holds."""
+        self._renderer.close()
+
+    def _light(
+        self, qpos: FloatArray, q_rate: FloatArray, *, segmentation: bool
+    ) -> tuple[Image, Image | None]:
+        """What falls on the sensor, and the classes seen, at the middle of the exposure."""
+        instants = self._instants(qpos, q_rate)
+        region = self._region(instants)
+        rows, columns = self._lens.footprint(region)
+        light = self._background.copy()
+        classes = self._background_classes.copy() if segmentation else None
+        if rows.start >= rows.stop or columns.start >= columns.stop:
+            return light, classes
+        source = self._lens.source(rows, columns)
+        pictures = map(partial(self._picture, source), instants)
+        picture = next(pictures)
+        if len(instants) > 1:
+            total = picture.astype(np.float32)
+            for other in pictures:
+                cv2.accumulate(other, total)
+            picture = np.rint(total / len(instants)).astype(np.uint8)
+        light[rows, columns] = self._lens.expose(picture, source, rows, columns)
+        if classes is not None:
+            self._renderer.place(instants[len(instants) // 2])
+            ids = self._renderer.robot_ids(source)
+            fine = self._classes[ids]  # −1, beside the robot, finds the last entry: background
+            seen = self._lens.nearest(fine, source, rows, columns)
+            np.copyto(classes[rows, columns], seen, where=seen > 0)
+        return light, classes
+
+    def _instants(self, qpos: FloatArray, q_rate: FloatArray) -> list[FloatArray]:
+        """Generalized positions to average over the exposure, the latest first."""
+        exposure = self._options.exposure
+        if not exposure.exposure_s:
+            return [np.asarray(qpos)]
+        reach = np.abs(self.layout.offset_m).max()
+        speed = np.hypot(q_rate[0], q_rate[1]) + reach * np.abs(q_rate[2:]).max()
+        height = float(self.layout.height_m.max())
+        travel_px = exposure.exposure_s * speed / self.true.metres_per_pixel(height)
+        count = int(np.clip(np.ceil(travel_px / exposure.blur_step_px), 1, MAX_INSTANTS))
+        ages = exposure.exposure_s * (np.arange(count) + 0.5) / count
+        return [self.posture.moved(qpos, q_rate, -age) for age in ages]
+
+    def _region(self, instants: list[FloatArray]) -> Region:
+        """Where the robot is during the exposure."""
+        ends = []
+        for instant in sorted({0, len(instants) - 1}):
+            self._renderer.place(instants[instant])
+            ends.append(self._renderer.robot_region(self._options.supersampling))
+        first, last = ends[0], ends[-1]
+        return Region(
+            min(first.left, last.left),
+            min(first.top, last.top),
+            max(first.right, last.right),
+            max(first.bottom, last.bottom),
+        )
+
+    def _picture(self, region: Region, qpos: FloatArray) -> Image:
+        """The robot on its floor at one instant, in fine pixels."""
+        self._renderer.place(qpos)
+        return self._on_floor(self._renderer.robot(region), region)
+
+    def _on_floor(self, robot: Image, region: Region) -> Image:
+        """The robot's picture with the floor where it is black, which no lit surface is."""
+        whole = self._lens.whole
+        top, left = region.top - whole.top, region.left - whole.left
+        rows, columns = region.shape
+        floor = self._floor[top : top + rows, left : left + columns]
+        beside = cv2.inRange(robot, (0, 0, 0), (0, 0, 0))
+        return np.asarray(cv2.copyTo(floor, beside, robot))
+
+    def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
+        """(4,) share of each label's area inside the picture and not hidden."""
+        if not self._occluders.any_at(time_s) and self._well_inside(centres_px):
+            return np.ones(COUNT)
+        points = np.repeat(labels_m[:, None], len(DISC), axis=1)
+        points[..., :2] += self.layout.radius_m * DISC
+        pixel = self.true.project(points)
+        inside = ((pixel >= -0.5) & (pixel < self._size_px - 0.5)).all(axis=-1)
+        hidden = self._occluders.hide(points, time_s, labels_m)
+        return np.asarray((inside & ~hidden).mean(axis=-1))
+
+    def _well_inside(self, centres_px: FloatArray) -> bool:
+        """Whether every centre is farther from the picture's border than a label is wide."""
+        margin = np.minimum(centres_px, self._size_px - 1.0 - centres_px)
+        return bool((margin > self._label_px).all())
+
+
+def _simplify_for_drawing(model: mujoco.MjModel) -> None:
+    """Fewer triangles where nobody sees them."""
+    floor = model.geom("floor").id
+    if not model.geom_size[floor, :2].any():
+        model.geom_size[floor, :2] = FLOOR_HALF_SIZE_M
+    quality = model.vis.quality
+    quality.numquads, quality.numstacks = 1, 2
+
+
+def _fade(model: mujoco.MjModel, faded: FadedLabel) -> None:
+    """Bleach a label's colour towards the grey of the same brightness."""
+    material = int(model.geom(f"label_{faded.label}").matid[0])
+    colour = model.mat_rgba[material, :3]
+    colour += faded.fading * (colour.mean() - colour)
+
+
+def _classes(model: mujoco.MjModel) -> Image:
+    """Class of every geom id, and of −1 in the last entry."""
+    trailer = model.body("trailer").id
+    classes = np.zeros(model.ngeom + 1, dtype=np.uint8)
+    for geom in range(model.ngeom):
+        body = int(model.geom_bodyid[geom])
+        if body == 0:
+            continue
+        while body not in (0, trailer):
+            body = int(model.body_parentid[body])
+        classes[geom] = TRAILER_CLASS if body == trailer else TRACTOR_CLASS
+    for i in range(COUNT):
+        classes[model.geom(f"label_{NAMES[i]}").id] = FIRST_LABEL_CLASS + i
+    return classes

@@ -1,0 +1,96 @@
+"""What the wheels were told, as the tracker remembers it: a piecewise linear speed over time."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels
+from ttwmr_mj.dynamics.servo import limit_speed, ramp
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+MEMORY_S = 5.0
+
+
+class Stretch(NamedTuple):
+    """A stretch of time in which the commanded twist changes linearly."""
+
+    duration_s: float
+    u1_start: float
+    u2_start: float
+    u1_end: float
+    u2_end: float
+
+
+class CommandHistory:
+    """The twist (u1, u2) that the servos' ramps aim at, over the last seconds.
+
+    Before the first and after the last command it is constant.
+    """
+
+    def __init__(self, robot: RobotParameters, time_s: float = 0.0) -> None:
+        """Start at rest."""
+        self._robot = robot
+        self._setpoint: FloatArray = np.zeros((1, 2))
+        self._times = [time_s]
+        self._twists: list[tuple[float, float]] = [(0.0, 0.0)]
+
+    def roll(self, wheel_speed_rad_s: FloatArray) -> None:
+        """Say that the wheels (right, left) turn already; for a start in motion."""
+        self._setpoint = np.array(wheel_speed_rad_s, dtype=np.float64).reshape(1, 2)
+        self._twists[-1] = self._twist(self._setpoint)
+
+    def tell(self, time_s: float, wheel_command_rad_s: FloatArray, duration_s: float) -> None:
+        """Add a command (right, left) that holds from a time, the end of the last one, on."""
+        if time_s > self._times[-1]:
+            self._add(time_s, self._setpoint)
+        servo = self._robot.servo
+        command = np.asarray(wheel_command_rad_s, dtype=np.float64).reshape(1, 2)
+        change = np.abs(limit_speed(command, servo) - self._setpoint)
+        # each wheel's ramp ends in a kink; between kinks the speeds are linear
+        kinks = np.minimum(change.ravel() / servo.acceleration_limit_rad_s2, duration_s).tolist()
+        after = sorted({*(kink for kink in kinks if kink > 0.0), duration_s})
+        speeds = ramp(self._setpoint, command, servo, np.array(after))
+        for delay, speed in zip(after, speeds[0], strict=True):
+            self._add(time_s + delay, speed)
+        self._setpoint = speeds[:, -1]
+        self._forget(time_s - MEMORY_S)
+
+    def twist(self, time_s: float) -> tuple[float, float]:
+        """(u1 [m/s], u2 [rad/s]) at a time."""
+        times, twists = self._times, self._twists
+        i = bisect_right(times, time_s)
+        if i == 0 or i == len(times):
+            return twists[min(i, len(times) - 1)]
+        share = (time_s - times[i - 1]) / (times[i] - times[i - 1])
+        (a1, a2), (b1, b2) = twists[i - 1], twists[i]
+        return a1 + share * (b1 - a1), a2 + share * (b2 - a2)
+
+    def stretches(self, start_s: float, end_s: float) -> Iterator[Stretch]:
+        """The commanded twist between two times, in order; nothing where end is not later."""
+        time, (u1, u2) = start_s, self.twist(start_s)
+        inner = self._times[bisect_right(self._times, start_s) :]
+        for knot in (*inner, np.inf):
+            until = min(float(knot), end_s)
+            if until > time:
+                end1, end2 = self.twist(until)
+                yield Stretch(until - time, u1, u2, end1, end2)
+                time, u1, u2 = until, end1, end2
+            if until >= end_s:
+                return
+
+    def _add(self, time_s: float, speed: FloatArray) -> None:
+        self._times.append(time_s)
+        self._twists.append(self._twist(speed))
+
+    def _twist(self, speed: FloatArray) -> tuple[float, float]:
+        u1, u2 = twist_from_wheels(np.asarray(speed).reshape(2), self._robot)
+        return float(u1), float(u2)
+
+    def _forget(self, before_s: float) -> None:
+        keep = max(bisect_right(self._times, before_s) - 1, 0)
+        del self._times[:keep], self._twists[:keep]

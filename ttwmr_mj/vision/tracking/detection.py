@@ -1,0 +1,188 @@
+"""Finds the coloured labels and their centres to a fraction of a pixel.
+
+Colour minus grey is a plane, and the labels' hues lie a quarter turn apart in it. A pixel's
+response to a label is its colour projected on that hue: linear in light, zero for every grey, so
+that a centroid weighted by it is unbiased whatever grey surrounds the label.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
+from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.tracking.restoration import (
+    Response,
+    blobs,
+    label_sized,
+    neutral_colour,
+    smooth,
+)
+
+MIN_CONTRAST = 32.0  # grey levels; 2 % noise is 5, a new label 150 to 200
+EDGE = 0.5  # of the peak response: there lies a blurred edge
+FLOOR = 0.1  # of the peak response: below lie noise and the tints of what is nearly grey
+# ratio of the light's variances along and across: 1.06 is the most that noise and a sharp eye give,
+# motion blur of 5 px or an edge 1.3 mm over the label makes 1.2
+LONGEST = 1.2
+SKIRT_PX = 3.0  # beyond the edge, where blur still spreads a label's light
+COARSE_LABEL_PX = 2.0  # diameter of a label in the shrunk picture of a whole-frame search
+COARSE_CONTRAST = 0.6  # of the least contrast: its pixels are half floor
+COARSE_AREA_SHARE = (0.2, 4.0)
+MAX_CANDIDATES = 6  # of one colour
+FAR = -1e6  # column of a region that does not exist
+
+
+@dataclass(frozen=True, slots=True)
+class Candidates:
+    """Blobs that look like labels, n of them.
+
+    Attributes:
+        label: (n,) which of the four, by colour.
+        centre_px: (n, 2) column, row.
+    """
+
+    label: NDArray[np.intp]
+    centre_px: FloatArray
+
+
+class Detector:
+    """Looks for labels of one size in frames of any size.
+
+    Attributes:
+        radius_px: of a label in the picture.
+    """
+
+    def __init__(self, layout: LabelLayout, radius_px: float) -> None:
+        """Take the labels' hues from their paint."""
+        chroma = layout.colour_bgr - layout.colour_bgr.mean(axis=1, keepdims=True)
+        self._hue = chroma / np.linalg.norm(chroma, axis=1, keepdims=True)
+        self.radius_px = radius_px
+        self._reach = int(np.ceil(radius_px + SKIRT_PX))
+
+    def track(
+        self, image: Image, predicted_px: FloatArray, search_px: float
+    ) -> tuple[FloatArray, BoolArray]:
+        """Look for each label near where it should be.
+
+        Args:
+            image: (rows, columns, 3) BGR.
+            predicted_px: (4, 2) expected centres.
+            search_px: how far from there a centre may lie.
+
+        Returns:
+            Centres (4, 2), NaN where not found, and which were found (4,).
+        """
+        half = self._reach + int(np.ceil(search_px))
+        return self._refine(image, np.arange(COUNT), predicted_px, half)
+
+    def search(self, image: Image) -> Candidates:
+        """Look for all labels in the whole frame; several candidates of a colour are usual."""
+        shrink = max(1, int(2.0 * self.radius_px / COARSE_LABEL_PX))
+        rows, columns = image.shape[0] // shrink, image.shape[1] // shrink
+        whole = image[: rows * shrink, : columns * shrink]
+        small = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
+        hue = self._balanced_hue(image).astype(np.float32)
+        response = hue @ small.reshape(-1, 3).T.astype(np.float32)
+        mask = np.zeros((COUNT, rows + 1, columns), dtype=np.uint8)  # a dark row between each two
+        mask[:, :rows] = (response > COARSE_CONTRAST * MIN_CONTRAST).reshape(COUNT, rows, columns)
+        found = blobs(mask.reshape(-1, columns))
+        label = (found.centre_px[:, 1] // (rows + 1)).astype(np.intp)
+        area = found.area_px * shrink**2 / (np.pi * self.radius_px**2)
+        chosen = _likeliest(label, area)
+        coarse = found.centre_px[chosen]
+        coarse[:, 1] -= label[chosen] * (rows + 1)
+        centre = (coarse + 0.5) * shrink - 0.5
+        refined, sound = self._refine(image, label[chosen], centre, self._reach + shrink)
+        return Candidates(label[chosen][sound], refined[sound])
+
+    def _balanced_hue(self, image: Image) -> FloatArray:
+        """(4, 3) weights of blue, green, red that cancel for what is grey in this image."""
+        return np.asarray(self._hue / neutral_colour(image))
+
+    def _refine(
+        self, image: Image, label: NDArray[np.intp], near_px: FloatArray, half: int
+    ) -> tuple[FloatArray, BoolArray]:
+        """Centres (n, 2) of the labels in square regions around (n, 2), and which exist (n,)."""
+        count, side = len(label), 2 * half + 1
+        centre = np.full((count, 2), np.nan)
+        sound = np.zeros(count, dtype=np.bool_)
+        if not count:
+            return centre, sound
+        near = np.where(np.isfinite(near_px), near_px, FAR)
+        corner = np.rint(near).astype(np.intp) - half
+        patches = _cut(image, corner, side)
+        hue = self._balanced_hue(image)[label].astype(np.float32)
+        response = np.matmul(patches.reshape(count, -1, 3), hue[:, :, None])
+        response = response.reshape(count, side, side)
+        even = smooth(response.reshape(-1, side)).reshape(count, side, side)
+        peak = even.max(axis=(1, 2))
+        mask = (even > (EDGE * peak)[:, None, None]).view(np.uint8)
+        mask[:, 0] = mask[:, -1] = 0  # regions are stacked: keep their blobs apart
+        found = blobs(mask.reshape(-1, side))
+        fits = np.flatnonzero(label_sized(found, self.radius_px))
+        place = found.centre_px[fits]
+        owner = (place[:, 1] // side).astype(np.intp)
+        place[:, 1] -= owner * side
+        away = ((place - (near[owner] - corner[owner])) ** 2).sum(axis=1)
+        rough = np.zeros((count, 2), dtype=np.float32)
+        for index in np.argsort(-away):  # the nearest comes last and stays
+            rough[owner[index]] = place[index]
+            sound[owner[index]] = True
+        sound &= peak >= MIN_CONTRAST
+        if sound.any():
+            light = response[sound] - (FLOOR * peak[sound])[:, None, None]
+            middle, whole = self._centroids(light, rough[sound])
+            centre[sound] = np.where(whole[:, None], corner[sound] + middle, np.nan)
+            sound[sound] = whole
+        return centre, sound
+
+    def _centroids(self, light: Response, rough: Response) -> tuple[FloatArray, BoolArray]:
+        """Columns, rows (n, 2) of the light (n, side, side) around rough centres (n, 2).
+
+        And which are whole discs (n,): something over a label's edge moves its centroid, and
+        leaves it longer than wide.
+        """
+        numbers = np.arange(light.shape[1], dtype=np.float32)
+        aside, below = numbers - rough[:, :1], numbers - rough[:, 1:]
+        limit = np.float32((self.radius_px + SKIRT_PX) ** 2)
+        inside = (below[:, :, None] ** 2 + aside[:, None, :] ** 2 < limit) & (light > 0.0)
+        light = light * inside
+        columns, rows = light.sum(axis=1), light.sum(axis=2)
+        total = rows.sum(axis=1)
+        x, y = (columns * aside).sum(axis=1) / total, (rows * below).sum(axis=1) / total
+        xx = (columns * aside**2).sum(axis=1) / total - x * x
+        yy = (rows * below**2).sum(axis=1) / total - y * y
+        product = np.matmul(light, aside[:, :, None])[..., 0]
+        xy = (product * below).sum(axis=1) / total - x * y
+        unequal, both = np.hypot(xx - yy, 2.0 * xy), xx + yy
+        whole = both + unequal < LONGEST * (both - unequal)
+        return np.stack([x, y], axis=-1).astype(np.float64) + rough, whole
+
+
+def _cut(image: Image, corner: NDArray[np.intp], side: int) -> Response:
+    """(n, side, side, 3) squares with their first pixel at corners (n, 2); black outside."""
+    height, width = image.shape[:2]
+    patches = np.zeros((len(corner), side, side, 3), dtype=np.float32)
+    for patch, (column, row) in zip(patches, corner.tolist(), strict=True):
+        top, left = max(row, 0), max(column, 0)
+        bottom, right = min(row + side, height), min(column + side, width)
+        if top < bottom and left < right:
+            patch[top - row : bottom - row, left - column : right - column] = image[
+                top:bottom, left:right
+            ]
+    return patches
+
+
+def _likeliest(label: NDArray[np.intp], area: FloatArray) -> NDArray[np.intp]:
+    """Indices of the blobs closest in size to a label, a few of each colour."""
+    low, high = COARSE_AREA_SHARE
+    fits = np.flatnonzero((area >= low) & (area <= high))
+    ranked = fits[np.argsort(np.abs(np.log(area[fits])))]
+    chosen = [ranked[label[ranked] == i][:MAX_CANDIDATES] for i in range(COUNT)]
+    return np.concatenate(chosen)

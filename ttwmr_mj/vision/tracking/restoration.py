@@ -1,0 +1,70 @@
+"""Cleans what was measured before it is believed: colour cast, noise, blobs of the wrong size."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.vision.camera.renderer import Image
+
+Response = NDArray[np.float32]
+
+NEUTRAL_STRIDE = 16  # every 16th pixel of both axes tells the colour of a mostly grey floor
+NEUTRAL_BRIGHTNESS = (8.0, 247.0)  # nearly black has no colour, nearly white has lost it
+SMOOTHING_PX = 3  # wider than a pixel's noise, narrower than a label
+# a label's blob at half its peak, compared with a full disc
+AREA_SHARE = (0.7, 1.5)
+SIDE_SLACK_PX = 2.2  # how much shorter or longer than a diameter a blob's sides may be
+
+
+class Blobs(NamedTuple):
+    """Connected sets of pixels, n of them.
+
+    Attributes:
+        centre_px: (n, 2) column, row of their middle.
+        area_px: (n,) number of pixels.
+        size_px: (n, 2) width and height.
+    """
+
+    centre_px: FloatArray
+    area_px: FloatArray
+    size_px: FloatArray
+
+
+def neutral_colour(image: Image) -> FloatArray:
+    """(3,) what grey looks like in an image of a mostly grey scene, scaled to mean one.
+
+    The mean of a sparse sample; four labels are a five-hundredth of the picture and move it less
+    than an eight-bit step.
+    """
+    typical = np.array(cv2.mean(np.ascontiguousarray(image[::NEUTRAL_STRIDE, ::NEUTRAL_STRIDE])))
+    low, high = NEUTRAL_BRIGHTNESS
+    if typical[:3].min() < low or typical[:3].max() > high:
+        return np.ones(3)
+    return np.asarray(typical[:3] / typical[:3].mean())
+
+
+def smooth(response: Response) -> Response:
+    """A response averaged over 3 × 3 pixels, which leaves a third of white noise."""
+    return np.asarray(cv2.blur(response, (SMOOTHING_PX, SMOOTHING_PX)))
+
+
+def blobs(mask: Image) -> Blobs:
+    """The connected sets of non-zero pixels in a mask (rows, columns)."""
+    _, _, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    found = np.asarray(stats[1:], dtype=np.float64)  # the first is the background
+    return Blobs(
+        np.asarray(centres[1:], dtype=np.float64), found[:, cv2.CC_STAT_AREA], found[:, 2:4]
+    )
+
+
+def label_sized(found: Blobs, radius_px: float) -> BoolArray:
+    """(n,) which blobs have the area and the sides of a disc of this radius."""
+    area = found.area_px / (np.pi * radius_px**2)
+    low, high = AREA_SHARE
+    sides = np.abs(found.size_px - 2.0 * radius_px).max(axis=1, initial=0.0) <= SIDE_SLACK_PX
+    return np.asarray((area >= low) & (area <= high) & sides)
