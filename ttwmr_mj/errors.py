@@ -1,4 +1,55 @@
-"""The errors users meet: what was got, where, what is allowed, what to do."""
+"""The errors users meet: where, what was got, what is allowed, what to do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+Keys = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Fault:
+    """One thing that is wrong with an input.
+
+    Attributes:
+        key: where, from the outermost table inwards; empty: the whole file or command.
+        problem: what is wrong, in words; empty where `got` says it all.
+        got: the value that was given, as the file shows it; empty: none, or beside the point.
+        allowed: what may stand there.
+        hint: what to do about it.
+    """
+
+    key: Keys = ()
+    problem: str = ""
+    got: str = ""
+    allowed: str = ""
+    hint: str = ""
+
+    @property
+    def where(self) -> str:
+        """The key as it is written: robot.tractor.mass_kg."""
+        return ".".join(map(str, self.key))
+
+    @property
+    def message(self) -> str:
+        """All but the key, in one line."""
+        got = f"got {self.got}" if self.got else ""
+        allowed = f"allowed: {self.allowed}" if self.allowed else ""
+        return "; ".join(part for part in (got, self.problem, allowed, self.hint) if part)
+
+    def __str__(self) -> str:
+        return f"{self.where}: {self.message}" if self.key else self.message
+
+    def within(self, *outer: str | int) -> Fault:
+        """The same fault, seen from further outside."""
+        return replace(self, key=(*outer, *self.key))
+
+
+def shown(value: Any) -> str:
+    """A value for `Fault.got`: short, and quoted where it is text."""
+    text = "a table" if isinstance(value, dict) else repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
 
 
 class TtwmrError(Exception):
@@ -6,7 +57,39 @@ class TtwmrError(Exception):
 
 
 class InputError(TtwmrError):
-    """Something given from outside is wrong: scenario, option, file (exit code 2)."""
+    """Something given from outside is wrong: scenario, option, file (exit code 2).
+
+    Attributes:
+        faults: everything that is wrong.
+        file: of which file; None where there is none.
+    """
+
+    def __init__(self, *faults: Fault | str, file: str | None = None) -> None:
+        self.faults = tuple(f if isinstance(f, Fault) else Fault(problem=f) for f in faults)
+        self.file = file
+        super().__init__(self._text())
+
+    @classmethod
+    def at(
+        cls, key: str, problem: str = "", *, got: str = "", allowed: str = "", hint: str = ""
+    ) -> InputError:
+        """One fault at a key path such as "reference.plan"."""
+        path = tuple(key.split("."))
+        return cls(Fault(key=path, problem=problem, got=got, allowed=allowed, hint=hint))
+
+    def _text(self) -> str:
+        if self.file is None:
+            return "\n".join(map(str, self.faults))
+        count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
+        return "\n".join([f"{self.file}: {count}", *(f"  {fault}" for fault in self.faults)])
+
+    def __reduce__(self) -> Any:
+        """Errors cross processes, and the default would lose `file`."""
+        return _restored, (type(self), self.faults, self.file)
+
+
+def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | None) -> InputError:
+    return kind(*faults, file=file)
 
 
 class RunError(TtwmrError):
