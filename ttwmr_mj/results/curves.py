@@ -6,11 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.state import wrap
 from ttwmr_mj.results.metrics import point_behind
-from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, THETA2, FloatArray, wrap
 
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.scenario.schema import LyapunovController
-from ttwmr_mj.state import FloatArray
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.scenario.schema import LyapunovController
+from ttwmr_mj.state import FloatArray
 
 LYAPUNOV_FILE = "lyapunov.parquet"
 

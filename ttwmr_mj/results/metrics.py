@@ -13,10 +13,9 @@ import math
 
 import numpy as np
 
-from ttwmr_mj.state import wrap
-from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray, wrap
 
 SETTLED_M = 0.01  # a run has settled when P stays this close to its reference until the end
 
