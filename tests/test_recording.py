@@ -17,6 +17,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import CONTACTS, ContactPlant, read_contacts
 from ttwmr_mj.plants.contact_options import ContactOptions
@@ -28,7 +29,6 @@ from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.results.lyapunov_log import lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import LyapunovController
 from ttwmr_mj.state import FloatArray, RobotState
 
 ROBOT = RobotParameters()
@@ -404,7 +404,7 @@ def test_importing_the_package_does_not_import_rerun() -> None:
 def test_v_is_plotted_as_logged_however_the_rows_come(
     model: mujoco.MjModel, reference: ReferencePath, run: Trajectory, tmp_path: Path
 ) -> None:
-    law = LyapunovController(kind="lyapunov")
+    law = LyapunovOptions(kind="lyapunov")
     path = tmp_path / "run.rrd"
     with RunRecorder(
         path,

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.recording.plots import Values
 from ttwmr_mj.results.lyapunov_log import lyapunov_function
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.scenario.schema import LyapunovController
 
 
 class LyapunovCurves:
@@ -18,7 +18,7 @@ class LyapunovCurves:
     grows.
     """
 
-    def __init__(self, options: LyapunovController) -> None:
+    def __init__(self, options: LyapunovOptions) -> None:
         self._options = options
         self._start: float | None = None
         self._before = np.nan, np.nan  # time and V of the last row

@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.recording.blueprint import REPORT, blueprint
 from ttwmr_mj.recording.lyapunov_curves import LyapunovCurves
 from ttwmr_mj.recording.plots import Plots
@@ -20,7 +21,6 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import LyapunovController
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
@@ -62,7 +62,7 @@ class RunRecorder(RrdFile):
         name: str,
         summary_markdown: str,
         camera: bool = False,
-        lyapunov: LyapunovController | None = None,
+        lyapunov: LyapunovOptions | None = None,
     ) -> None:
         floor_m = floor_corners(reference)
         shown = lyapunov is not None

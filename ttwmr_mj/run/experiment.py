@@ -86,7 +86,7 @@ class Experiment:
         self.plant: Plant = build.make_plant(scenario, nsim)
         self.sensor: Sensor | None = None
         self._folder = folder or Path()
-        self._controller = build.make_controller(scenario, self._folder)
+        self._controller = build.make_controller(scenario, self.reference, self._folder)
 
     def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
         """Run from the initial state to the end, or to where it breaks.

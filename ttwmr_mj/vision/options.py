@@ -9,7 +9,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from ttwmr_mj.files import input_file
 from ttwmr_mj.robot import Config
+
+CALIBRATION = "make it with ttwmr calibrate, or leave the key out to calibrate before the run"
 
 # TOML has arrays where Python has tuples; their elements stay strict
 Pair = Annotated[tuple[float, float], Field(strict=False)]
@@ -204,7 +207,7 @@ class CameraSensing(Config):
     latency_s: float = Field(
         default=0.033, ge=0, le=10, description="shutter to arrival, whole control periods"
     )
-    calibration_path: str | None = Field(
+    calibration_path: Annotated[str, input_file(CALIBRATION)] | None = Field(
         default=None,
         description="file of `ttwmr calibrate`, relative to the scenario; left out: the camera "
         "is calibrated before the run, through the same sensor model",

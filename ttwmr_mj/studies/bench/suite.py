@@ -24,9 +24,9 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.robot import Config
-from ttwmr_mj.scenario.faults import Fault, fault_of, suggestion
+from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
 
 Overrides = tuple[str, ...]
@@ -149,7 +149,7 @@ def _placed(task: Choice, folder: Path) -> Choice:
 def _faults(suite: Suite) -> list[Fault]:
     """What the keys do not show one by one."""
     faults = [
-        Fault(("task", name, "scenario"), "missing; name a scenario")
+        Fault(key=("task", name, "scenario"), problem="missing; name a scenario")
         for name, task in suite.task.items()
         if task.scenario is None
     ]
@@ -167,7 +167,7 @@ def _unknown(
     keys: tuple[str | int, ...], given: Collection[str], allowed: list[str]
 ) -> list[Fault]:
     return [
-        Fault(keys, f"got {name!r}{suggestion(name, allowed)}; allowed: {', '.join(allowed)}")
+        Fault(key=keys, got=f"{name!r}{suggestion(name, allowed)}", allowed=", ".join(allowed))
         for name in given
         if name not in allowed
     ]
