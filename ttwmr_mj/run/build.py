@@ -15,6 +15,7 @@ from ttwmr_mj.controllers.mpc import Mpc
 from ttwmr_mj.controllers.open_loop import OpenLoop
 from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
 from ttwmr_mj.controllers.tvlqr import Tvlqr
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
@@ -59,10 +60,10 @@ def make_reference(scenario: Scenario) -> Samples | None:
     if section.kind == "none":
         return None
     if section.kind == "planned":
-        return Planned(plan=section.plan, robot=scenario.robot)
+        return Planned(plan=section.plan, robot=scenario.believed_robot)
     if section.kind in _FLAT_REFERENCES:
         settings = dict(section.model_dump(exclude={"kind"}))
-        return _FLAT_REFERENCES[section.kind](robot=scenario.robot, **settings)
+        return _FLAT_REFERENCES[section.kind](robot=scenario.believed_robot, **settings)
     return _REFERENCES[section.kind](**dict(section.model_dump(exclude={"kind"})))
 
 
@@ -75,21 +76,24 @@ def sample_reference(scenario: Scenario) -> ReferencePath | None:
     return reference.sample(scenario.control.sampling_time_s * np.arange(count, dtype=np.float64))
 
 
-def driven_robot(scenario: Scenario) -> RobotParameters:
-    """The robot that is driven, which may be heavier than the one the controller believes in."""
-    factor, robot = scenario.plant.tractor_mass_factor, scenario.robot
-    if factor == 1.0:
-        return robot
-    changed = {
-        "mass_kg": factor * robot.tractor.mass_kg,
-        "yaw_inertia_kg_m2": factor * robot.tractor.yaw_inertia_kg_m2,
-    }
-    return robot.model_copy(update={"tractor": robot.tractor.model_copy(update=changed)})
+def refuse_trains(robot: RobotParameters) -> None:
+    """No plant drives more than one trailer yet.
+
+    Raises:
+        InputError: the robot tows several.
+    """
+    if (count := len(robot.trailers)) > 1:
+        raise InputError.at("robot.trailers", got=f"{count} trailers", allowed="one, for now")
 
 
 def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
-    """The plant, not yet reset."""
-    options, robot = scenario.plant, driven_robot(scenario)
+    """The plant, not yet reset.
+
+    Raises:
+        InputError: no plant can drive this robot.
+    """
+    options, robot = scenario.plant, scenario.robot
+    refuse_trains(robot)
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant

@@ -4,17 +4,28 @@ from __future__ import annotations
 
 import difflib
 import os
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
 from pydantic import BaseModel
 
-from ttwmr_mj.composite import tractor_chassis, trailer_chassis
+from ttwmr_mj.composite import Lump, tractor_chassis, trailer_chassis
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 
 Keys = tuple[str | int, ...]
+
+# keys of the past, and what says the same today
+MOVED: dict[Keys, str] = {
+    ("plant", "tractor_mass_factor"): "gone; give the driven tractor robot.tractor.mass_kg and "
+    "robot.tractor.yaw_inertia_kg_m2, and the controller the same keys in belief.robot.tractor",
+    ("controller", "friction", "believed_share"): "gone; give the friction that the controller "
+    "believes in belief.robot.hitch.coulomb_friction_n_m",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +45,8 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
     keys = _file_keys(error["loc"], root)
     got, context = error["input"], error.get("ctx", {})
     match error["type"]:
+        case "extra_forbidden" if keys in MOVED:
+            return Fault(keys, MOVED[keys])
         case "extra_forbidden":
             allowed = _allowed_keys(error["loc"][:-1], root)
             hint = suggestion(str(keys[-1]), allowed)
@@ -64,13 +77,18 @@ def suggestion(word: str, choices: list[str]) -> str:
 
 def _file_keys(location: Keys, root: type[BaseModel]) -> Keys:
     """A pydantic location without the union tags, which no file contains."""
-    return tuple(key for key, _ in _walk(location, root))
+    keys = tuple(key for key, _ in _walk(location, root))
+    for first, name in RobotParameters.FIRST.items():
+        for path in (("robot", name, 0), ("belief", "robot", name, 0)):
+            if keys[: len(path)] == path:
+                keys = (*path[:-2], first, *keys[len(path) :])
+    return keys
 
 
 def _allowed_keys(location: Keys, root: type[BaseModel]) -> list[str]:
     steps = _walk(location, root)
     model = steps[-1][1] if steps else root
-    return list(model.model_fields) if model else []
+    return [*model.model_fields, *getattr(model, "FIRST", ())] if model else []
 
 
 def _tags(location: Keys, root: type[BaseModel]) -> str:
@@ -94,6 +112,8 @@ def _members(annotation: Any) -> list[type[BaseModel]]:
 
 def _walk(location: Keys, root: type[BaseModel]) -> list[tuple[str | int, type[BaseModel] | None]]:
     """Each key of a location with the model that its value belongs to, union tags folded in."""
+    if location[:2] == ("belief", "robot"):
+        return [("belief", None), *_walk(location[1:], root)]
     steps: list[tuple[str | int, type[BaseModel] | None]] = []
     model: type[BaseModel] | None = root
     union: list[type[BaseModel]] = []
@@ -115,12 +135,14 @@ def _walk(location: Keys, root: type[BaseModel]) -> list[tuple[str | int, type[B
 def cross_faults(scenario: Scenario, folder: Path) -> list[Fault]:
     """What no single key shows."""
     faults = _timing_faults(scenario)
-    for name, chassis in (("tractor", tractor_chassis), ("trailer", trailer_chassis)):
+    halves: list[Callable[[RobotParameters], Lump]] = [tractor_chassis]
+    halves += [partial(trailer_chassis, index=i) for i in range(len(scenario.robot.trailers))]
+    for chassis in halves:
         try:
             chassis(scenario.robot)
         except InputError as error:
-            message = str(error).split(": ", 1)[1]
-            faults.append(Fault(("robot", name, "yaw_inertia_kg_m2"), message))
+            faults += [Fault(fault.key, fault.message) for fault in error.faults]
+    faults += _belief_faults(scenario)
     path = scenario.plant.contact.model_path
     if path is not None and not (folder / path).is_file():
         looked = os.fspath(folder / path)
@@ -153,6 +175,15 @@ def cross_faults(scenario: Scenario, folder: Path) -> list[Fault]:
         message = "got true; only plant.kind = 'contact' steps at a physics rate"
         faults.append(Fault(("output", "physics_rate"), message))
     return faults
+
+
+def _belief_faults(scenario: Scenario) -> list[Fault]:
+    """What is believed must be a robot of the same halves."""
+    count, truth = len(scenario.believed_robot.trailers), len(scenario.robot.trailers)
+    if count == truth:
+        return []
+    message = f"got {count}; allowed: as many as robot.trailers, {truth}"
+    return [Fault(("belief", "robot", "trailers"), message)]
 
 
 def _timing_faults(scenario: Scenario) -> list[Fault]:

@@ -169,12 +169,16 @@ def set_value(data: dict[str, Any], override: str) -> None:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
-    return tomli_w.dumps(_without_none(scenario.model_dump(mode="json")))
+    nothing_believed = {"belief"} if not scenario.belief.robot else None
+    data = scenario.model_dump(mode="json", exclude=nothing_believed)
+    return tomli_w.dumps(_without_none(data))
 
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value
 
 
@@ -203,8 +207,11 @@ def _sound_part(data: dict[str, Any], faults: list[Fault]) -> dict[str, Any]:
                 break
             place = place[key]
         else:
-            if isinstance(place, dict):
-                place.pop(keys[-1], None)
+            if isinstance(place, dict) and keys[-1] in place:
+                del place[keys[-1]]
+                continue
+        if keys[0] in ("robot", "belief"):  # refused is a default, or stands in a list
+            sound.pop(str(keys[0]), None)
         if keys[0] in STAND_IN:
             sound[str(keys[0])] = STAND_IN[str(keys[0])]
         elif isinstance(sound.get(str(keys[0])), dict) and any(isinstance(k, int) for k in keys):
