@@ -22,28 +22,31 @@ def sample_reference(scenario: Scenario) -> ReferencePath | None:
     Raises:
         InputError: the robot cannot have this reference.
     """
-    faults = scenario.reference.faults(scenario.robot)
+    faults = scenario.reference.faults(scenario.believed_robot)
     if faults:
         raise InputError(*(fault.within("reference") for fault in faults))
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
-    return scenario.reference.sample(times, scenario.robot)
+    return scenario.reference.sample(times, scenario.believed_robot)
 
 
-def driven_robot(scenario: Scenario) -> RobotParameters:
-    """The robot that is driven, which may be heavier than the one the controller believes in."""
-    factor, robot = scenario.plant.tractor_mass_factor, scenario.robot
-    if factor == 1.0:
-        return robot
-    changed = {
-        "mass_kg": factor * robot.tractor.mass_kg,
-        "yaw_inertia_kg_m2": factor * robot.tractor.yaw_inertia_kg_m2,
-    }
-    return robot.model_copy(update={"tractor": robot.tractor.model_copy(update=changed)})
+def refuse_trains(robot: RobotParameters) -> None:
+    """No plant drives more than one trailer yet.
+
+    Raises:
+        InputError: the robot tows several.
+    """
+    if (count := len(robot.trailers)) > 1:
+        raise InputError.at("robot.trailers", got=f"{count} trailers", allowed="one, for now")
 
 
 def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
-    """The plant, not yet reset."""
-    options, robot = scenario.plant, driven_robot(scenario)
+    """The plant, not yet reset.
+
+    Raises:
+        InputError: no plant can drive this robot.
+    """
+    options, robot = scenario.plant, scenario.robot
+    refuse_trains(robot)
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant

@@ -7,6 +7,7 @@ parts have no fault of their own are made all the same, so that all faults come 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -45,16 +46,27 @@ def _overlap(key: Keys, other: Keys) -> bool:
     return all(a == b for a, b in zip(key, other, strict=False))
 
 
-def _masses(name: str) -> Callable[[Scenario], Iterable[Fault]]:
-    chassis = {"tractor": tractor_chassis, "trailer": trailer_chassis}[name]
+def _tractor_masses(scenario: Scenario) -> Iterable[Fault]:
+    yield from _refused(partial(tractor_chassis, scenario.robot))
 
-    def faults(scenario: Scenario) -> Iterable[Fault]:
-        try:
-            chassis(scenario.robot)
-        except InputError as error:
-            yield from error.faults
 
-    return faults
+def _trailer_masses(scenario: Scenario) -> Iterable[Fault]:
+    for index in range(len(scenario.robot.trailers)):
+        yield from _refused(partial(trailer_chassis, scenario.robot, index))
+
+
+def _refused(make: Callable[[], object]) -> Iterable[Fault]:
+    try:
+        make()
+    except InputError as error:
+        yield from error.faults
+
+
+def _belief(scenario: Scenario) -> Iterable[Fault]:
+    count, truth = len(scenario.believed_robot.trailers), len(scenario.robot.trailers)
+    if count != truth:
+        allowed = f"as many as robot.trailers, {truth}"
+        yield Fault(key=("belief", "robot", "trailers"), got=str(count), allowed=allowed)
 
 
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
@@ -112,12 +124,12 @@ def _one_period(scenario: Scenario) -> Iterable[Fault]:
 
 
 def _reference(scenario: Scenario) -> Iterable[Fault]:
-    faults = scenario.reference.faults(scenario.robot)
+    faults = scenario.reference.faults(scenario.believed_robot)
     yield from (fault.within("reference") for fault in faults)
 
 
 def _controller(scenario: Scenario) -> Iterable[Fault]:
-    if not scenario.reference.faults(scenario.robot):
+    if not scenario.reference.faults(scenario.believed_robot):
         yield from scenario.controller.faults(scenario.reference, _path(scenario))
 
 
@@ -126,13 +138,14 @@ def _path(scenario: Scenario) -> ReferencePath | None:
     count = min(scenario.samples, MOST_SAMPLES)
     time_s = np.linspace(0.0, (scenario.samples - 1) * scenario.control.sampling_time_s, count)
     with np.errstate(all="ignore"):  # what does not move has no direction: NaN, found by the law
-        return scenario.reference.sample(time_s, scenario.robot)
+        return scenario.reference.sample(time_s, scenario.believed_robot)
 
 
 STEP = "plant.contact.timestep_s"
 CHECKS = (
-    Check(_masses("tractor"), ("robot.tractor", "robot.casters")),
-    Check(_masses("trailer"), ("robot.trailer", "robot.casters")),
+    Check(_tractor_masses, ("robot.tractor", "robot.casters")),
+    Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
+    Check(_belief, ("robot", "belief")),
     Check(_open_loop, ("reference", "initial")),
     Check(_contact_only, ("plant.kind", "plant.pushes")),
     Check(_physics_rate, ("plant.kind", "output")),
@@ -140,6 +153,6 @@ CHECKS = (
     Check(_physics_steps, ("control", STEP)),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "control")),
     Check(_one_period, ("duration_s", "control")),
-    Check(_reference, ("reference", "robot")),
-    Check(_controller, ("reference", "robot", "controller", "control", "duration_s")),
+    Check(_reference, ("reference", "robot", "belief")),
+    Check(_controller, ("reference", "robot", "belief", "controller", "control", "duration_s")),
 )

@@ -8,7 +8,16 @@ from typing import Any, get_args
 from pydantic import BaseModel
 
 from ttwmr_mj.errors import Fault, Keys, shown
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
+
+# keys of the past, and what says the same today
+MOVED: dict[Keys, str] = {
+    ("plant", "tractor_mass_factor"): "gone; give the driven tractor robot.tractor.mass_kg and "
+    "robot.tractor.yaw_inertia_kg_m2, and the controller the same keys in belief.robot.tractor",
+    ("controller", "friction", "believed_share"): "gone; give the friction that the controller "
+    "believes in belief.robot.hitch.coulomb_friction_n_m",
+}
 
 
 def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
@@ -16,6 +25,8 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
     keys = _file_keys(error["loc"], root)
     got, context = error["input"], error.get("ctx", {})
     match error["type"]:
+        case "extra_forbidden" if keys in MOVED:
+            return Fault(key=keys, problem=MOVED[keys])
         case "extra_forbidden":
             allowed = _allowed_keys(error["loc"][:-1], root)
             problem = f"unknown key{suggestion(str(keys[-1]), allowed)}"
@@ -42,13 +53,18 @@ def suggestion(word: str, choices: list[str]) -> str:
 
 def _file_keys(location: Keys, root: type[BaseModel]) -> Keys:
     """A pydantic location without the union tags, which no file contains."""
-    return tuple(key for key, _ in _walk(location, root))
+    keys = tuple(key for key, _ in _walk(location, root))
+    for first, name in RobotParameters.FIRST.items():
+        for path in (("robot", name, 0), ("belief", "robot", name, 0)):
+            if keys[: len(path)] == path:
+                keys = (*path[:-2], first, *keys[len(path) :])
+    return keys
 
 
 def _allowed_keys(location: Keys, root: type[BaseModel]) -> list[str]:
     steps = _walk(location, root)
     model = steps[-1][1] if steps else root
-    return list(model.model_fields) if model else []
+    return [*model.model_fields, *getattr(model, "FIRST", ())] if model else []
 
 
 def _tags(location: Keys, root: type[BaseModel]) -> str:
@@ -72,6 +88,8 @@ def _members(annotation: Any) -> list[type[BaseModel]]:
 
 def _walk(location: Keys, root: type[BaseModel]) -> list[tuple[str | int, type[BaseModel] | None]]:
     """Each key of a location with the model that its value belongs to, union tags folded in."""
+    if location[:2] == ("belief", "robot"):
+        return [("belief", None), *_walk(location[1:], root)]
     steps: list[tuple[str | int, type[BaseModel] | None]] = []
     model: type[BaseModel] | None = root
     union: list[type[BaseModel]] = []

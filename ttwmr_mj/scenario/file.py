@@ -187,10 +187,14 @@ def set_value(data: dict[str, Any], override: str) -> None:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
-    return tomli_w.dumps(_without_none(scenario.model_dump(mode="json")))
+    nothing_believed = {"belief"} if not scenario.belief.robot else None
+    data = scenario.model_dump(mode="json", exclude=nothing_believed)
+    return tomli_w.dumps(_without_none(data))
 
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value

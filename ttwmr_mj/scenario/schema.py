@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, field_validator
+from pydantic import Field, GetCoreSchemaHandler, GetPydanticSchema, field_validator
+from pydantic_core import core_schema
 
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
 from ttwmr_mj.dynamics.extended import ExtendedParameters
@@ -89,13 +90,6 @@ class Plant(Config):
     """What is driven: contact physics or the analytic model, and what disturbs it."""
 
     kind: Literal["contact", "analytic"] = "contact"
-    tractor_mass_factor: float = Field(
-        default=1.0,
-        gt=0.1,
-        le=10,
-        description="mass and inertia of the driven tractor, as a share of what robot.* says and "
-        "the controller believes",
-    )
     pushes: Annotated[tuple[Push, ...], Field(strict=False)] = ()
     contact: ContactOptions = ContactOptions()
     analytic: AnalyticOptions = AnalyticOptions()
@@ -130,6 +124,23 @@ class Output(Config):
     )
 
 
+def _part_of_robot(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+    """Checked like [robot], and kept as the table that was given."""
+    return core_schema.no_info_after_validator_function(
+        lambda robot: robot.model_dump(exclude_unset=True),
+        handler(RobotParameters),
+        serialization=core_schema.plain_serializer_function_ser_schema(dict),
+    )
+
+
+class Belief(Config):
+    """What controller, reference and camera tracker take for true, where it is not."""
+
+    robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of_robot)] = Field(
+        default={}, description="any part of [robot]; what is left out is believed as it is"
+    )
+
+
 class Scenario(Config):
     """One experiment."""
 
@@ -139,6 +150,7 @@ class Scenario(Config):
     seed: int = Field(default=0, ge=0, lt=2**32)
     duration_s: float = Field(gt=0, le=MAX_DURATION_S)
     robot: RobotParameters = RobotParameters()
+    belief: Belief = Belief()
     plant: Plant = Plant()
     initial: Initial = AtRest()
     reference: AnyReference
@@ -156,6 +168,11 @@ class Scenario(Config):
     @classmethod
     def _truth_unless_told(cls, given: Any) -> Any:
         return {"kind": "truth", **given} if isinstance(given, dict) else given
+
+    @property
+    def believed_robot(self) -> RobotParameters:
+        """The robot as controller, reference and camera tracker know it; `robot` is driven."""
+        return self.robot.overridden(self.belief.robot) if self.belief.robot else self.robot
 
     @property
     def periods(self) -> int:

@@ -46,7 +46,7 @@ def make_camera_sensor(
         section.camera,
         section.tracker,
         find_calibration(section, calibration_rng, folder).camera,
-        scenario.robot,
+        scenario.believed_robot,
         build_model(scenario.robot, contact, scene),
         period_s=scenario.control.sampling_time_s,
         latency_s=section.latency_s,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_parquet
-from ttwmr_mj.results.trajectory import Q_NAMES, RATE_NAMES
+from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.log import CameraRecord
@@ -96,6 +96,6 @@ def _row(record: CameraRecord) -> tuple[float, ...]:
 def _write(rows: list[tuple[float, ...]], path: Path) -> None:
     import pyarrow as pa
 
-    names = ("time_s", *Q_NAMES, *RATE_NAMES, *STD_NAMES, "labels_found", "valid")
+    names = ("time_s", *q_names(4), *rate_names(4), *STD_NAMES, "labels_found", "valid")
     columns = np.array(rows).T
     write_parquet(pa.table(dict(zip(names, columns, strict=True))), path)
