@@ -213,7 +213,6 @@ def _recorded(
             name=scenario.name,
             summary_markdown=summary(scenario),
             camera=scenario.sensing.kind == "camera",
-            lyapunov=_lyapunov_law(experiment),
         ) as recorder,
         Background() as background,
     ):
