@@ -11,7 +11,8 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.cli.main import make_parser
+from ttwmr_mj.cli.commands.run import Run
+from ttwmr_mj.cli.main import parse
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
 from ttwmr_mj.dynamics.sampled import SampledModel
@@ -188,5 +189,6 @@ def test_every_command_in_the_page_on_controllers_is_valid() -> None:
     for line in lines:
         words = shlex.split(line)
         assert words[0] == "ttwmr"
-        arguments = make_parser().parse_args(words[1:])
-        load_scenario(arguments.scenario, arguments.overrides)
+        run = parse(words[1:])
+        assert isinstance(run, Run)
+        run.load(run.scenario)

@@ -51,5 +51,16 @@ class Curves:
         )
 
 
+def single(rows: Trajectory) -> Trajectory:
+    """The same rows, which must be of one simulation: who reads one of several names it.
+
+    Raises:
+        ValueError: they are of several, or of none.
+    """
+    if rows.nsim != 1:
+        raise ValueError(f"got {rows.nsim} simulations, allowed: 1; pick one: simulation(index)")
+    return rows
+
+
 def _distance(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.hypot(a[..., 0] - b[..., 0], a[..., 1] - b[..., 1]))

@@ -94,7 +94,7 @@ def run_scenario(
         write_parquet(physics_rate_table(*contact.physics_rate_states()), folder / PHYSICS_FILE)
     watch.lap("files")
     if scenario.output.figures and len(result.trajectory) > 1:
-        from ttwmr_mj.figures.run_figures import write_run_figures
+        from ttwmr_mj.figures.run import write_run_figures
 
         write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
     watch.lap("figures")
@@ -214,7 +214,6 @@ def _recorded(
             name=scenario.name,
             summary_markdown=summary(scenario),
             camera=scenario.sensing.kind == "camera",
-            lyapunov=_lyapunov_law(experiment),
         ) as recorder,
         Background() as background,
     ):
