@@ -15,7 +15,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.log import CameraRecord
-from ttwmr_mj.vision.tracking.tracker import Status
+from ttwmr_mj.vision.tracking.estimate import Status
 
 TRACKER = "flags/tracker"
 JPEG_QUALITY = 60  # the sensor's noise makes pictures large: 20 KiB at 60, 34 KiB at 80
