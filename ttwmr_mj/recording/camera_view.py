@@ -17,7 +17,7 @@ from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.log import CameraRecord
-from ttwmr_mj.vision.tracking.tracker import Sighting, Status
+from ttwmr_mj.vision.tracking.estimate import Sighting, Status
 
 JPEG_QUALITY = 60  # the sensor's noise makes pictures large: 20 KiB at 60, 34 KiB at 80
 ELLIPSE_SIGMAS = 3.0

@@ -93,10 +93,23 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     section, period = scenario.sensing, scenario.control.sampling_time_s
     if section.kind == "truth":
         return TruthSensor(section, period, plant.nsim, rng)
-    # OpenGL and OpenCV are loaded only when there is something to see
+    # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
+    from ttwmr_mj.plants.mjcf import build_model
     from ttwmr_mj.vision.setup import make_camera_sensor
 
-    return make_camera_sensor(scenario, section, plant, rng, folder)
+    contact = scenario.plant.contact
+    scene = Path(contact.model_path) if contact.model_path else None
+    return make_camera_sensor(
+        section,
+        build_model(scenario.robot, contact, scene),
+        scenario.believed_robot,
+        rng,
+        folder,
+        period_s=period,
+        nsim=plant.nsim,
+        joint_positions=plant.joint_positions,
+        segmentation=scenario.output.save_frames,
+    )
 
 
 def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int = 1) -> RobotState:
