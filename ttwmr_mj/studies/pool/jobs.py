@@ -13,7 +13,7 @@ import signal
 import sys
 import tempfile
 import traceback
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing.connection import Connection, wait
@@ -71,7 +71,7 @@ Event = Done | Failed
 
 def run_jobs(
     jobs: Iterable[Job], *, workers: int | None = None, preload: Sequence[str] = ()
-) -> Iterator[Event]:
+) -> Generator[Event, None, None]:
     """Do jobs, several at a time, and report each as it ends.
 
     A job is taken from `jobs` only when a process is free for it. Closing the iterator (use
