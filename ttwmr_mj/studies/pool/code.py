@@ -78,16 +78,21 @@ def code_of(
         seen.add(name)
         if path is None:
             continue
-        found[name], imported = _read(path, path.stat().st_mtime_ns, name)
+        found[name], imported = _read(path, _version(path), name)
         parents = [name.rsplit(".", depth)[0] for depth in range(1, name.count(".") + 1)]
         waiting += [other for other in (*imported, *parents) if follows(name, other)]
     return dict(sorted(found.items()))
 
 
+def _version(path: Path) -> tuple[int, int]:
+    status = path.stat()
+    return status.st_mtime_ns, status.st_size
+
+
 @cache
-def _read(path: Path, changed_ns: int, name: str) -> tuple[str, tuple[str, ...]]:
+def _read(path: Path, version: tuple[int, int], name: str) -> tuple[str, tuple[str, ...]]:
     """Digest of a module, and names of what it may import; read again where it has changed."""
-    del changed_ns
+    del version
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     tree = ast.parse(path.read_text(encoding="utf-8"))
     _Computing().visit(tree)  # in place
