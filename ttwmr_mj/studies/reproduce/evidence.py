@@ -15,7 +15,7 @@ from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
-from ttwmr_mj.studies.reproduce.execute import Failures, run_folder, study_file
+from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 
@@ -27,7 +27,7 @@ class Evidence:
         failures: runs and studies that could not be done, with the reason.
     """
 
-    def __init__(self, out: Path, failures: Failures | None = None) -> None:
+    def __init__(self, out: Path, failures: dict[str, str] | None = None) -> None:
         self.out = out
         self.failures = failures or {}
         # per instance: two folders hold different results under the same names
