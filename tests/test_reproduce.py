@@ -18,10 +18,9 @@ from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.lyapunov_log import lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.run.experiment import Outcome
+from ttwmr_mj.run.loop import Outcome
 from ttwmr_mj.studies.reproduce import execute, runs
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement, verdict_of
@@ -32,6 +31,7 @@ from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.ideal import phase_plane
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
+from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log
 from ttwmr_mj.studies.reproduce.proofs import proofs
 from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE, RUNS, RunSpec
 from ttwmr_mj.studies.reproduce.study import reproduce

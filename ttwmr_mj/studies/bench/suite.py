@@ -120,8 +120,7 @@ def load_suite(name_or_path: str) -> Suite:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
-        found = [fault_of(item, Suite) for item in error.errors()]
-        faults = [Fault(key=fault.keys, problem=fault.message) for fault in found]
+        faults = [fault_of(item, Suite) for item in error.errors()]
     if faults:
         raise InputError(*faults, file=str(path))
     tasks = {name: _placed(task, path.parent) for name, task in suite.task.items()}

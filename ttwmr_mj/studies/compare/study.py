@@ -12,7 +12,7 @@ import numpy as np
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
 from ttwmr_mj.plants.mjcf import CONTACTS
-from ttwmr_mj.results.trajectory import Trajectory, to_table
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.run.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -183,8 +183,8 @@ def compare_scenario(
         "exceeded": [str(breach) for breach in found],
     }
     write_json(folder / "compare.json", report)
-    write_parquet(to_table(pair.contact.trajectory), folder / "contact.parquet")
-    write_parquet(to_table(pair.analytic), folder / "analytic.parquet")
+    write_parquet(pair.contact.trajectory.to_table(), folder / "contact.parquet")
+    write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
     if fitted:
         write_text(folder / "fitted.toml", fitted.as_toml())
     if options.figures:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
-from ttwmr_mj.results.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
+from ttwmr_mj.studies.reproduce.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 
