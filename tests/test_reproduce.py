@@ -16,7 +16,7 @@ import pytest
 
 from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import law
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.results.lyapunov_log import lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -113,14 +113,23 @@ def test_exact_gamma_ends_within_a_fraction_of_a_second() -> None:
     assert path.time_s[-1] < 0.2
 
 
-@pytest.mark.parametrize("name", list(proofs.PROOFS))
+@pytest.mark.parametrize("name", list(proofs.all_proofs()))
 def test_the_errata_are_proved(name: str) -> None:
-    pytest.importorskip("sympy")
-    assert proofs.PROOFS[name]().proved
+    assert proofs.all_proofs()[name]().proved
+
+
+def test_without_sympy_the_study_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in [name for name in sys.modules if name.startswith(proofs.__package__ + ".")]:
+        monkeypatch.delitem(sys.modules, module)
+    for name in ("law", "model"):
+        monkeypatch.delattr(proofs.__package__ + "." + name, raising=False)
+    monkeypatch.setitem(sys.modules, "sympy", None)
+    with pytest.raises(MachineError, match=r"pip install 'ttwmr-mj\[reproduce\]'"):
+        proofs.study()
 
 
 def test_every_erratum_names_a_proof_and_every_error_has_an_erratum() -> None:
-    assert {erratum.proof for erratum in ERRATA} <= set(proofs.PROOFS)
+    assert {erratum.proof for erratum in ERRATA} <= set(proofs.all_proofs())
     where = " ".join(erratum.where for erratum in ERRATA)
     for equation in (23, 32, 41, 48, 58, 68):
         assert f"Eq. {equation}" in where

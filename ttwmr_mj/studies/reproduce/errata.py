@@ -14,7 +14,7 @@ class Erratum:
         printed: what stands there.
         correct: what follows from the article's own premises.
         consequence: what depends on it, and what this package does.
-        proof: key of `proofs.PROOFS`.
+        proof: name of one of `proofs.all_proofs`.
     """
 
     where: str
@@ -124,7 +124,7 @@ def errata_markdown() -> str:
         f"- Printed: {erratum.printed}.\n"
         f"- Correct: {erratum.correct}.\n"
         f"- {erratum.consequence}\n"
-        f'- Proof: `proofs.PROOFS["{erratum.proof}"]`\n'
+        f'- Proof: `proofs.all_proofs()["{erratum.proof}"]`\n'
         for erratum in ERRATA
     ]
     return "\n".join(parts)

@@ -67,6 +67,10 @@ class Evidence:
         number = metrics[metric]
         return float(number) if metrics["status"] == "ok" and number is not None else float("inf")
 
+    def worst(self, runs: tuple[str, ...], metric: str) -> float:
+        """The largest value of a metric among runs."""
+        return max(self.value(run, metric) for run in runs)
+
     def hitch_angle(self, run: str) -> FloatArray:
         """(n,) θ2 − θ1 of a run [rad]."""
         q = self.trajectory(run).q[:, 0]
@@ -74,9 +78,13 @@ class Evidence:
 
     def hitch_swing(self, run: str) -> float:
         """Peak to peak of the hitch angle over the second half of a run [rad]."""
-        angle = self.hitch_angle(run)
-        return float(np.ptp(angle[angle.size // 2 :]))
+        return float(np.ptp(second_half(self.hitch_angle(run))))
 
     def sees_with_camera(self, *runs: str) -> bool:
         """Whether all these runs had a camera in the loop."""
         return all(str(self.scenario(run).sensing.kind) == "camera" for run in runs)
+
+
+def second_half(values: np.ndarray) -> np.ndarray:
+    """The rows of the second half of a run, when it has settled if it ever does."""
+    return values[len(values) // 2 :]

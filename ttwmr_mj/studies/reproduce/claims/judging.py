@@ -12,6 +12,8 @@ from ttwmr_mj.studies.reproduce.evidence import Evidence
 Verdict = Literal["holds", "holds with changes", "fails", "evidence missing"]
 Numbers = dict[str, float | None]
 
+TRACTOR_ERROR, TRAILER_ERROR = "steady_tractor_rmse_m", "steady_trailer_rmse_m"  # metrics
+
 # The limits of all rules, fixed before any run. Errors are rms values over a run's second half.
 TRACTOR_FOLLOWS_M = 0.010  # P: a fifteenth of the robot's length
 TRAILER_FOLLOWS_M = 0.020  # the trailer's COM, which also takes the tractor's error
@@ -19,6 +21,12 @@ SWINGS_RAD = 0.2  # peak to peak of the hitch angle
 STILL_RAD = 0.02
 GONE = 0.01  # of V at the start
 EFFORT_RATIO = 1.2  # of what the reference itself needs
+NEVER_RISES = 0.01  # of V at the start
+NEAR_CONSTANT = 0.5  # |ρ·D − 1|
+MOSTLY = 0.9  # of the samples
+E5_SMALL_RAD = 0.05
+AGREES_M = 0.010
+DECADE_SHRINKS = 0.5  # each decade's time over that of the one before, in finite time
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +75,48 @@ class Claim:
         judged = self.judge(evidence)
         numbers = {key: finite(value) for key, value in judged.numbers.items()}
         return replace(judged, numbers=numbers)
+
+
+def claim(
+    name: str,
+    source: str,
+    statement: str,
+    rule: str,
+    runs: tuple[str, ...] = (),
+    studies: tuple[str, ...] = (),
+) -> Callable[[Callable[[Evidence], Judgement]], Claim]:
+    """A claim, of the function below it that judges."""
+    return lambda judge: Claim(name, source, statement, rule, judge, runs, studies)
+
+
+def robot_follows(evidence: Evidence, run: str) -> bool:
+    """Whether tractor and trailer both follow in a run."""
+    return (
+        evidence.value(run, TRACTOR_ERROR) <= TRACTOR_FOLLOWS_M
+        and evidence.value(run, TRAILER_ERROR) <= TRAILER_FOLLOWS_M
+    )
+
+
+def tractor_follows(
+    evidence: Evidence, printed: tuple[str, ...], changed: tuple[str, ...], finding: str
+) -> Judgement:
+    """Whether P follows in all runs as printed, or in all without the singular terms.
+
+    Args:
+        evidence: the results.
+        printed: the runs of the printed law.
+        changed: those without its singular terms.
+        finding: in words, with {printed} and {changed} for the largest error of either.
+    """
+    errors = [evidence.worst(runs, TRACTOR_ERROR) for runs in (printed, changed)]
+    return Judgement(
+        verdict_of(*(error <= TRACTOR_FOLLOWS_M for error in errors)),
+        {
+            f"published_{TRACTOR_ERROR}": errors[0],
+            f"omitted_{TRACTOR_ERROR}": errors[1],
+        },
+        finding.format(printed=mm(errors[0]), changed=mm(errors[1])),
+    )
 
 
 def verdict_of(as_printed: bool, with_changes: bool) -> Verdict:

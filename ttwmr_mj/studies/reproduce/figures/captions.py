@@ -45,6 +45,9 @@ def sprung(evidence: Evidence) -> str:
     return f"It follows, its hitch moving by {still:.1g} rad. " + errors(TRAILER, SPRUNG)(evidence)
 
 
+PATHS = {4: swing, 6: sprung}  # figures of which more is said than their errors
+
+
 def angle_errors(metric: str, unit: str) -> Callable[[Evidence], str]:
     """Figs. 15-16: an angle's error with and without the correction."""
 
