@@ -51,17 +51,7 @@ def _best(evidence: Evidence, runs: tuple[str, ...]) -> float:
     )
 
 
-@claim(
-    "theorem-3",
-    "Theorem 3, Eq. 47-62",
-    "Law (47) with γ exact stabilises tractor and trailer asymptotically.",
-    "Eq. 31 as a differential equation from Table II's start, two circles, two θ2 references: "
-    f"holds if every solution exists for 20 s and leaves at most {GONE:.0%} of V and "
-    f"{E5_SMALL_RAD} rad of e5; with changes if a variant with γ limited or regularised brings "
-    f"tractor and trailer within {mm(TRACTOR_FOLLOWS_M)}.",
-    LIMITED_47,
-    ("continuous",),
-)
+@claim("theorem-3", LIMITED_47, ("continuous",))
 def _theorem_3(evidence: Evidence) -> Judgement:
     cases = _cases(evidence, "exact")
     lived = [case["end_time_s"] for case in cases]
@@ -81,15 +71,7 @@ def _theorem_3(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "rho-is-constant",
-    "Eq. 68-69",
-    "The denominator of γ is nearly constant, so that 1/D may be replaced with ρ.",
-    f"Holds if |ρ·D − 1| ≤ {NEAR_CONSTANT} for {MOSTLY:.0%} of 20 s in all four continuous "
-    "cases; with changes if in one of them.",
-    (),
-    ("continuous",),
-)
+@claim("rho-is-constant", (), ("continuous",))
 def _constant_rho(evidence: Evidence) -> Judgement:
     cases = _cases(evidence, "constant")
     near = [
@@ -111,16 +93,7 @@ def _constant_rho(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "law-70",
-    "Section 3.3, Eq. 70-71",
-    "With constant ρ the closed loop is still stable, and free of singularities.",
-    "As for Theorem 3, with ρ = 2.5: holds if every solution exists for 20 s and leaves at "
-    f"most {GONE:.0%} of V and {E5_SMALL_RAD} rad of e5; with changes if a variant with γ "
-    f"limited and anti-windup brings tractor and trailer within {mm(TRACTOR_FOLLOWS_M)}.",
-    LIMITED_70,
-    ("continuous",),
-)
+@claim("law-70", LIMITED_70, ("continuous",))
 def _law_70(evidence: Evidence) -> Judgement:
     cases = _cases(evidence, "constant")
     left = [case["v_share"][-1] for case in cases]
@@ -141,13 +114,7 @@ def _law_70(evidence: Evidence) -> Judgement:
 
 
 @claim(
-    "virtual-spring",
-    "Section 3.2, Eq. 55-60",
-    "The corrective terms act as a virtual spring and damper at P.",
-    "Lab circle with γ of Eq. 60, exact: holds if the hitch swings by at most "
-    f"{STILL_RAD} rad over the second half and P is within {mm(TRACTOR_FOLLOWS_M)}.",
-    ("spring-printed-omitted-analytic", "virtual-spring-analytic"),
-    ("proofs",),
+    "virtual-spring", ("spring-printed-omitted-analytic", "virtual-spring-analytic"), ("proofs",)
 )
 def _virtual_spring(evidence: Evidence) -> Judgement:
     real = evidence.hitch_swing("spring-printed-omitted-analytic")
@@ -172,14 +139,7 @@ def _virtual_spring(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "poles",
-    "Eq. 64-67, Table II",
-    "k_d = 12, k_p = 48, k_i = 64 place the poles of e5.",
-    "Holds if the polynomial of Eq. 65 is (s + a)³ for one a > 0.",
-    (),
-    ("proofs",),
-)
+@claim("poles", (), ("proofs",))
 def _pole_placement(evidence: Evidence) -> Judgement:
     proved = bool(evidence.study("proofs")["eq-65"]["proved"])
     return Judgement(

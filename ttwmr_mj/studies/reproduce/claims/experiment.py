@@ -9,9 +9,7 @@ import numpy as np
 from ttwmr_mj.studies.reproduce.claims.judging import (
     AGREES_M,
     TRACTOR_ERROR,
-    TRACTOR_FOLLOWS_M,
     TRAILER_ERROR,
-    TRAILER_FOLLOWS_M,
     Claim,
     Judgement,
     claim,
@@ -21,13 +19,6 @@ from ttwmr_mj.studies.reproduce.claims.judging import (
 )
 from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.runs import DISTURBED
-
-FOLLOW_RULE = (
-    f"Contact physics, 33 ms, Table II, camera in the loop: holds if P is within "
-    f"{mm(TRACTOR_FOLLOWS_M)} and the trailer's COM within {mm(TRAILER_FOLLOWS_M)} rms over the "
-    "second half under law (70); with changes if under law (32) without singular terms and "
-    "correction."
-)
 
 
 def _needs_camera(evidence: Evidence, judged: Judgement, *runs: str) -> Judgement:
@@ -67,25 +58,14 @@ def _follow(evidence: Evidence, published: str, changed: str) -> Judgement:
     )
 
 
-def _follow_claim(
-    name: str, source: str, statement: str, runs: tuple[str, ...], more: str = ""
-) -> Claim:
+def _follow_claim(name: str, runs: tuple[str, ...]) -> Claim:
     """A claim that the robot follows, judged with a camera in the loop."""
-
-    def judge(evidence: Evidence) -> Judgement:
-        return _needs_camera(evidence, _follow(evidence, *runs), *runs)
-
-    return Claim(name, source, statement, FOLLOW_RULE + more, judge, runs)
+    return claim(name, runs)(
+        lambda evidence: _needs_camera(evidence, _follow(evidence, *runs), *runs)
+    )
 
 
-@claim(
-    "experiment-agrees",
-    "Section 4",
-    "Experiment and simulation agree reasonably.",
-    f"Holds if P of the camera run under law (70) is within {mm(AGREES_M)} rms of the analytic "
-    "model's; with changes if under law (32) without singular terms.",
-    ("lab-pid-without", "lab-analytic"),
-)
+@claim("experiment-agrees", ("lab-pid-without", "lab-analytic"))
 def _agrees(evidence: Evidence) -> Judgement:
     seen, model = evidence.trajectory("lab-pid-without"), evidence.trajectory("lab-analytic")
     apart = np.hypot(*(seen.q - model.q)[:, 0, :2].T)
@@ -100,24 +80,8 @@ def _agrees(evidence: Evidence) -> Judgement:
 
 
 EXPERIMENT_CLAIMS = (
-    _follow_claim(
-        "figs-11-16",
-        "Section 4, Figs. 11-16",
-        "In the experiment, tractor and trailer track the circle in every coordinate.",
-        ("lab-pid", "lab-pid-without"),
-    ),
-    _follow_claim(
-        "fig-19",
-        "Section 4, Fig. 19",
-        "The trailer also tracks a figure eight.",
-        ("eight-pid", "eight-pid-without"),
-    ),
-    _follow_claim(
-        "robust",
-        "Section 4",
-        "The method is robust against the uncertainties of the experiment.",
-        DISTURBED,
-        " Without a camera: noise as of the labels, one frame late.",
-    ),
+    _follow_claim("figs-11-16", ("lab-pid", "lab-pid-without")),
+    _follow_claim("fig-19", ("eight-pid", "eight-pid-without")),
+    _follow_claim("robust", DISTURBED),
     _agrees,
 )

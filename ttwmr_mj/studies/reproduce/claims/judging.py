@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
 from typing import Literal
 
 from ttwmr_mj.studies.reproduce.evidence import Evidence
@@ -44,27 +47,30 @@ class Judgement:
     finding: str
 
 
+Judge = Callable[[Evidence], Judgement]
+
+
 @dataclass(frozen=True, slots=True)
 class Claim:
     """A statement of the article and the rule that tests it.
 
     Attributes:
         name: short, for claims.json.
-        source: where the article says it.
-        statement: what it says.
-        rule: how it is judged, written down before the run.
         judge: the rule as code.
         runs: the runs it needs.
         studies: the studies it needs.
+        source: where the article says it.
+        statement: what it says.
+        rule: how it is judged, written down before the run.
     """
 
     name: str
+    judge: Judge
+    runs: tuple[str, ...]
+    studies: tuple[str, ...]
     source: str
     statement: str
     rule: str
-    judge: Callable[[Evidence], Judgement]
-    runs: tuple[str, ...] = ()
-    studies: tuple[str, ...] = ()
 
     def judgement(self, evidence: Evidence) -> Judgement:
         """The rule's answer, or that evidence is missing where its runs could not be done."""
@@ -77,16 +83,23 @@ class Claim:
         return replace(judged, numbers=numbers)
 
 
+@cache
+def _words() -> dict[str, dict[str, str]]:
+    """Claim → source, statement and rule, with this module's limits put in."""
+    text = (resources.files(__package__) / "claims.toml").read_text(encoding="utf-8")
+    limits = {name: value for name, value in globals().items() if name.isupper()}
+    limits |= {f"{name}M": mm(value) for name, value in limits.items() if name.endswith("_M")}
+    return {
+        name: {key: " ".join(words.format(**limits).split()) for key, words in entry.items()}
+        for name, entry in tomllib.loads(text).items()
+    }
+
+
 def claim(
-    name: str,
-    source: str,
-    statement: str,
-    rule: str,
-    runs: tuple[str, ...] = (),
-    studies: tuple[str, ...] = (),
-) -> Callable[[Callable[[Evidence], Judgement]], Claim]:
-    """A claim, of the function below it that judges."""
-    return lambda judge: Claim(name, source, statement, rule, judge, runs, studies)
+    name: str, runs: tuple[str, ...] = (), studies: tuple[str, ...] = ()
+) -> Callable[[Judge], Claim]:
+    """A claim of claims.toml, of the function below it that judges by its rule."""
+    return lambda judge: Claim(name, judge, runs, studies, **_words()[name])
 
 
 def robot_follows(evidence: Evidence, run: str) -> bool:

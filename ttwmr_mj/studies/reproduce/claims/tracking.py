@@ -12,9 +12,7 @@ from ttwmr_mj.studies.reproduce.claims.judging import (
     STILL_RAD,
     SWINGS_RAD,
     TRACTOR_ERROR,
-    TRACTOR_FOLLOWS_M,
     TRAILER_ERROR,
-    TRAILER_FOLLOWS_M,
     Judgement,
     claim,
     mm,
@@ -41,14 +39,7 @@ WITHOUT = on_both("pid-without")
 CHOICES = choices()
 
 
-@claim(
-    "fig-3",
-    "Section 3.1.1, Fig. 3",
-    "Under law (32) the tractor follows the circle.",
-    f"Holds if P is within {mm(TRACTOR_FOLLOWS_M)} rms over the second half of 50 s on both "
-    "plants as printed; with changes if without the singular terms.",
-    (*PUBLISHED, *OMITTED),
-)
+@claim("fig-3", (*PUBLISHED, *OMITTED))
 def _fig_3(evidence: Evidence) -> Judgement:
     return tractor_follows(
         evidence,
@@ -59,14 +50,7 @@ def _fig_3(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "fig-4",
-    "Section 3.1.1, Fig. 4",
-    "Without the spring the trailer oscillates.",
-    f"Holds if the frictionless hitch swings by at least {SWINGS_RAD} rad peak to peak over "
-    "the second half on both plants as printed; with changes if without the singular terms.",
-    (*PUBLISHED, *OMITTED),
-)
+@claim("fig-4", (*PUBLISHED, *OMITTED))
 def _fig_4(evidence: Evidence) -> Judgement:
     printed = min(evidence.hitch_swing(run) for run in PUBLISHED)
     changed = min(evidence.hitch_swing(run) for run in OMITTED)
@@ -85,15 +69,7 @@ def _fig_4(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "fig-6",
-    "Section 3.1.2, Fig. 6",
-    "Spring and damper at P remove the oscillation.",
-    f"Holds if the hitch moves by at most {STILL_RAD} rad over the second half on both plants "
-    "under the printed law; with changes if without its singular terms, with the spring both "
-    "as printed and divided correctly.",
-    (*SPRUNG_PUBLISHED, *SPRUNG_OMITTED, "spring-divided-contact"),
-)
+@claim("fig-6", (*SPRUNG_PUBLISHED, *SPRUNG_OMITTED, "spring-divided-contact"))
 def _fig_6(evidence: Evidence) -> Judgement:
     printed = max(evidence.hitch_swing(run) for run in SPRUNG_PUBLISHED)
     changed = max(evidence.hitch_swing(run) for run in (*SPRUNG_OMITTED, "spring-divided-contact"))
@@ -112,16 +88,7 @@ def _fig_6(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "figs-7-8",
-    "Section 3.4, Figs. 7-8",
-    "In simulation, tractor and trailer both track under the Lyapunov-PID law.",
-    f"Holds if P is within {mm(TRACTOR_FOLLOWS_M)} and the trailer's COM within "
-    f"{mm(TRAILER_FOLLOWS_M)} rms over the second half in all eight runs of law (47) "
-    f"and (70); with changes if in one of {len(CHOICES)} combinations of named options on the "
-    "analytic model.",
-    (*PID, *CHOICES, *WITHOUT),
-)
+@claim("figs-7-8", (*PID, *CHOICES, *WITHOUT))
 def _figs_7_8(evidence: Evidence) -> Judgement:
     printed = [robot_follows(evidence, run) for run in PID]
     changed = [robot_follows(evidence, run) for run in CHOICES]
@@ -145,15 +112,7 @@ def _figs_7_8(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "finite-time",
-    "Section 4",
-    "Tracking errors converge in finite time.",
-    "Holds if the published law brings |e| to a millionth; with changes if law (32) without "
-    "singular terms does, each decade taking at most half as long as the one before.",
-    (),
-    ("continuous",),
-)
+@claim("finite-time", (), ("continuous",))
 def _finite_time(evidence: Evidence) -> Judgement:
     reached = np.array(evidence.study("continuous")["decade_times_s"])
     per_decade = np.diff(reached)
@@ -171,15 +130,7 @@ def _finite_time(evidence: Evidence) -> Judgement:
     )
 
 
-@claim(
-    "low-effort",
-    "Section 4",
-    "The robot follows with very low effort.",
-    "Lab circle: holds if the mean square of the wheels' commands over the second half is at "
-    f"most {EFFORT_RATIO} times that of the reference under law (70); with changes if under "
-    "law (32) without singular terms.",
-    ("lab-pid", "lab-pid-without"),
-)
+@claim("low-effort", ("lab-pid", "lab-pid-without"))
 def _low_effort(evidence: Evidence) -> Judgement:
     printed, changed = _effort(evidence, "lab-pid"), _effort(evidence, "lab-pid-without")
     cut = float(second_half(evidence.trajectory("lab-pid").saturated[:, 0]).mean())
@@ -209,14 +160,7 @@ def _effort(evidence: Evidence, run: str) -> float:
     return float(np.mean(second_half(given) ** 2) / np.mean(second_half(needed) ** 2))
 
 
-@claim(
-    "higher-gains",
-    "Section 3.4",
-    "Higher gains perform better, lower ones worse.",
-    "All α halved and doubled, lab circle, singular terms omitted: holds if the steady error "
-    "falls with the gains.",
-    ("gains-half", "pid-without-analytic", "gains-double"),
-)
+@claim("higher-gains", ("gains-half", "pid-without-analytic", "gains-double"))
 def _gains(evidence: Evidence) -> Judgement:
     base = "pid-without-analytic"
     half, one, double = (
