@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -16,6 +16,18 @@ from ttwmr_mj.scenario.schema import LyapunovController, Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
 from ttwmr_mj.studies.reproduce.runs import RUNS
+
+
+class Needs(Protocol):
+    """What is shown or judged from runs and studies."""
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of runs."""
+
+    @property
+    def studies(self) -> tuple[str, ...]:
+        """Names of studies."""
 
 
 class Evidence:
@@ -56,6 +68,15 @@ class Evidence:
         if not isinstance(controller, LyapunovController):
             raise TypeError(f"{run} has no Lyapunov function: its law is {controller.kind}")
         return lyapunov_log(self.trajectory(run), controller)
+
+    def recording(self, run: str) -> str | None:
+        """A run's recording, relative to the folder; None if there is none."""
+        path = f"runs/{run}/run.rrd"
+        return path if (self.out / path).is_file() else None
+
+    def lacking(self, part: Needs) -> list[str]:
+        """The runs and studies of a claim or a figure that could not be done."""
+        return [name for name in (*part.runs, *part.studies) if name in self.failures]
 
     def robot(self, run: str) -> RobotParameters:
         """The run's robot."""

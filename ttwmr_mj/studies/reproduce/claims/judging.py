@@ -74,7 +74,7 @@ class Claim:
 
     def judgement(self, evidence: Evidence) -> Judgement:
         """The rule's answer, or that evidence is missing where its runs could not be done."""
-        lacking = [n for n in (*self.runs, *self.studies) if n in evidence.failures]
+        lacking = evidence.lacking(self)
         if lacking:
             reasons = "; ".join(f"{name}: {evidence.failures[name]}" for name in lacking)
             return Judgement("evidence missing", {}, f"What the rule needs was not run. {reasons}")

@@ -3,9 +3,10 @@
 Two ways through time: `solve` follows the closed loop as a differential equation, `sampled` holds
 the command over a step and moves exactly in between, so that its limit is the same equation.
 
-The laws are written here a second time, on plain floats: millions of evaluations are needed, and
-arrays of two numbers cost ten times as much. A test keeps them equal to `controllers.lyapunov` and
-`controllers.lyapunov_pid`.
+The laws are written here a second time, on plain floats: millions of evaluations are needed, at
+2 µs each; the controllers' take 17 µs on arrays, and all step sizes of a law as one batch would
+still take six times as long as one after the other on floats. A test keeps them equal to
+`controllers.lyapunov` and `controllers.lyapunov_pid`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -88,8 +90,8 @@ class IdealLoop:
         e1, e2, e3, e4 = self.errors(time_s, z)
         angle = self.rate_rad_s * time_s + self.phase_rad
         pull = self.rate_rad_s**2 * self.radius_m
-        v1 = -pull * math.cos(angle) - o.alpha2 * e2 - o.alpha1 / o.alpha2 * _pulled(e1, e2, o)
-        v2 = -pull * math.sin(angle) - o.alpha4 * e4 - o.alpha3 / o.alpha4 * _pulled(e3, e4, o)
+        v1 = -pull * math.cos(angle) - o.alpha2 * e2 - o.alpha1 / o.alpha2 * pulled(e1, e2, o)
+        v2 = -pull * math.sin(angle) - o.alpha4 * e4 - o.alpha3 / o.alpha4 * pulled(e3, e4, o)
         sin, cos = math.sin(z[4]), math.cos(z[4])
         d = o.alpha4 * e4 * sin + o.alpha2 * e2 * cos
         e5 = _on_circle(z[4] - angle - self.theta2_offset_rad)
@@ -115,8 +117,8 @@ class IdealLoop:
         )
 
 
-def _pulled(e: float, e_rate: float, options: LyapunovController) -> float:
-    """E + what stands for e²/ė (Eq. 32)."""
+def pulled(e: float, e_rate: float, options: LyapunovController) -> float:
+    """The error, and what stands for e²/ė beside it (Eq. 32)."""
     if options.singular_terms == "omitted":
         return e
     if options.singular_terms == "regularized":
@@ -152,6 +154,16 @@ class Path:
     end: str
 
 
+def ends_where(passes_zero: Callable[[float, Any], float]) -> Callable[[float, Any], float]:
+    """An event of `solve_ivp` that ends the solution where a function of (time, state) is zero."""
+
+    def event(time_s: float, state: Any) -> float:
+        return passes_zero(time_s, state)
+
+    event.terminal = True  # type: ignore[attr-defined]  # solve_ivp's protocol
+    return event
+
+
 def solve(
     loop: IdealLoop,
     start: State,
@@ -170,14 +182,6 @@ def solve(
     """
     from scipy.integrate import solve_ivp
 
-    events = []
-    if until is not None:
-
-        def passes_zero(time_s: float, z: State) -> float:
-            return until(time_s, z)
-
-        passes_zero.terminal = True  # type: ignore[attr-defined]  # solve_ivp's protocol
-        events.append(passes_zero)
     solution = solve_ivp(
         loop.rates,
         (0.0, duration_s),
@@ -186,7 +190,7 @@ def solve(
         rtol=1e-8,
         atol=1e-10,
         first_step=1e-6,
-        events=events or None,
+        events=None if until is None else ends_where(until),
         dense_output=until is not None,  # costs as much again
         t_eval=None if until else np.linspace(0.0, duration_s, samples),
     )
