@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import MachineError
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.run.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.reproduce import friction
@@ -62,11 +61,9 @@ def write_report(
         drawn: names of the figures to show, as SVG files under figures/.
         path: the file.
     """
-    try:
-        from jinja2 import Environment, StrictUndefined
-        from markupsafe import Markup, escape
-    except ImportError as error:
-        raise MachineError("the report needs jinja2: pip install jinja2") from error
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup, escape
+
     template = (resources.files(__package__) / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True

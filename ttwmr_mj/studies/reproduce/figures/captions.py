@@ -29,7 +29,7 @@ def errors(metric: str, panels: tuple[Panel, ...]) -> Callable[[Evidence], str]:
     return found
 
 
-def swing(evidence: Evidence) -> str:
+def free_trailer(evidence: Evidence) -> str:
     """Fig. 4: the free trailer."""
     free = evidence.hitch_swing("law32-omitted-contact")
     return (
@@ -39,13 +39,13 @@ def swing(evidence: Evidence) -> str:
     )
 
 
-def sprung(evidence: Evidence) -> str:
+def sprung_trailer(evidence: Evidence) -> str:
     """Fig. 6: the trailer on its spring."""
     still = evidence.hitch_swing("spring-printed-omitted-contact")
     return f"It follows, its hitch moving by {still:.1g} rad. " + errors(TRAILER, SPRUNG)(evidence)
 
 
-PATHS = {4: swing, 6: sprung}  # figures of which more is said than their errors
+PATHS = {4: free_trailer, 6: sprung_trailer}  # figures of which more is said than their errors
 
 
 def angle_errors(metric: str, unit: str) -> Callable[[Evidence], str]:

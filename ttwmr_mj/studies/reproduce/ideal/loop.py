@@ -97,22 +97,22 @@ class IdealLoop:
         e5 = _on_circle(z[4] - angle - self.theta2_offset_rad)
         if isinstance(o, LyapunovPidController):
             wanted = -o.k_d * (z[5] - self.rate_rad_s) - o.k_p * e5 - o.k_i * z[6]
-            turn = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
-            v1, v2 = v1 + turn * o.alpha4 * e4, v2 - turn * o.alpha2 * e2
+            gamma = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
+            v1, v2 = v1 + gamma * o.alpha4 * e4, v2 - gamma * o.alpha2 * e2
         limit = self.limit_m_s2
         return Command(max(-limit, min(limit, v1)), max(-limit, min(limit, v2)), d, e5)
 
     def rates(self, time_s: float, z: State) -> State:
         """Eq. 31 and the rate of the integral."""
         command = self.command(time_s, z)
-        swing = command.v2 * math.cos(z[4]) - command.v1 * math.sin(z[4])
+        across = command.v2 * math.cos(z[4]) - command.v1 * math.sin(z[4])
         return (
             z[1],
             command.v1,
             z[3],
             command.v2,
             z[5],
-            swing / self.swing_length_m,
+            across / self.swing_length_m,
             command.e5,
         )
 
@@ -142,7 +142,7 @@ def _on_circle(angle: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class Solution:
     """A solution: times (n,) [s], states (n, 7), and why it ended.
 
     Attributes:
@@ -170,7 +170,7 @@ def solve(
     duration_s: float,
     until: Callable[[float, State], float] | None = None,
     samples: int = 200,
-) -> Path:
+) -> Solution:
     """The closed loop as a differential equation (DOP853, relative tolerance 1e-8).
 
     Args:
@@ -182,7 +182,7 @@ def solve(
     """
     from scipy.integrate import solve_ivp
 
-    solution = solve_ivp(
+    found = solve_ivp(
         loop.rates,
         (0.0, duration_s),
         start,
@@ -195,14 +195,14 @@ def solve(
         t_eval=None if until else np.linspace(0.0, duration_s, samples),
     )
     if until is None:
-        return Path(solution.t, solution.y.T, "time" if solution.success else "singular")
-    times = np.linspace(0.0, float(solution.t[-1]), samples)
-    return Path(times, solution.sol(times).T, "time" if solution.status == 0 else "singular")
+        return Solution(found.t, found.y.T, "time" if found.success else "singular")
+    times = np.linspace(0.0, float(found.t[-1]), samples)
+    return Solution(times, found.sol(times).T, "time" if found.status == 0 else "singular")
 
 
 def sampled(
     loop: IdealLoop, start: State, duration_s: float, step_s: float, samples: int = 200
-) -> Path:
+) -> Solution:
     """The law evaluated every step and held: what a computer does with it.
 
     P moves exactly under the held acceleration; θ2 by the acceleration at the step's start.
@@ -224,9 +224,10 @@ def sampled(
                 break
         command = loop.command(now, z)
         v1, v2 = command.v1, command.v2
-        swing = (v2 * math.cos(angle) - v1 * math.sin(angle)) / swing_length
+        angle_acceleration = (v2 * math.cos(angle) - v1 * math.sin(angle)) / swing_length
         x, u = x + step_s * (u + half * v1), u + step_s * v1
         y, w = y + step_s * (w + half * v2), w + step_s * v2
-        angle, rate = angle + step_s * (rate + half * swing), rate + step_s * swing
+        angle += step_s * (rate + half * angle_acceleration)
+        rate += step_s * angle_acceleration
         integral += step_s * command.e5
-    return Path(np.array(times), np.array(rows), end)
+    return Solution(np.array(times), np.array(rows), end)

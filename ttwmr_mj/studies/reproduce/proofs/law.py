@@ -67,9 +67,9 @@ def eq_48() -> Proof:
     n = _trailer()
     excess, d_symbol = sp.symbols("N D", real=True)
     sin, cos = sp.sin(n["theta_2"]), sp.cos(n["theta_2"])
-    turn = excess / d_symbol
-    d_rate = n["alpha_4"] * sin * (-n["alpha_2"] * n["e_2"] * turn) + n["alpha_2"] * cos * (
-        n["alpha_4"] * n["e_4"] * turn
+    gamma = excess / d_symbol
+    d_rate = n["alpha_4"] * sin * (-n["alpha_2"] * n["e_2"] * gamma) + n["alpha_2"] * cos * (
+        n["alpha_4"] * n["e_4"] * gamma
     )
     across = n["e_4"] * cos - n["e_2"] * sin
     expected = 2 * n["alpha_2"] * n["alpha_4"] * excess * across

@@ -66,8 +66,8 @@ def eq_41() -> Proof:
     )
     potential = kt * (th1 - th2) ** 2 / 2
     dissipation = ct * (w1 - w2) ** 2 / 2
-    swing = m2 * length * (ax * sp.sin(th2) - ay * sp.cos(th2)) + (j2 + m2 * length**2) * acc
-    derived = sp.solve(swing + potential.diff(th2) + dissipation.diff(w2), acc)[0]
+    balance = m2 * length * (ax * sp.sin(th2) - ay * sp.cos(th2)) + (j2 + m2 * length**2) * acc
+    derived = sp.solve(balance + potential.diff(th2) + dissipation.diff(w2), acc)[0]
     k = j2 / (m2 * length) + length
     torque = kt * (th1 - th2) + ct * (w1 - w2)
     free = (-ax * sp.sin(th2) + ay * sp.cos(th2)) / k
