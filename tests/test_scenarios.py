@@ -40,9 +40,8 @@ def test_runs_finite_and_repeats_bit_for_bit(name: str, plant: str) -> None:
 def test_another_seed_changes_noise_and_nothing_without_noise() -> None:
     quiet = ["plant.kind=analytic", "duration_s=2.0"]
     noisy = [*quiet, "sensing.position_noise_m=0.001"]
-    assert same(
-        run("lab_circle", *quiet).trajectory, run("lab_circle", *quiet, "seed=5").trajectory
-    )
+    other_seed = run("lab_circle", *quiet, "seed=5").trajectory
+    assert different(run("lab_circle", *quiet).trajectory, other_seed) == []
     a, b = run("lab_circle", *noisy).trajectory, run("lab_circle", *noisy, "seed=5").trajectory
     assert not np.array_equal(a.est_q, b.est_q)
 
@@ -73,7 +72,7 @@ def test_a_batch_run_is_its_single_run() -> None:
         ("misbehaving:Runaway", "wheel speeds are not finite", 11),
         (
             "misbehaving:Broken",
-            "controller.command() raised ZeroDivisionError: of its own making",
+            "controller.command() raised ZeroDivisionError: of its own",
             6,
         ),
     ],
