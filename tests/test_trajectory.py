@@ -12,9 +12,10 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_parquet
-from ttwmr_mj.results.trajectory import Trajectory, read_parquet, to_table
+from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table, read_parquet, to_table
 from ttwmr_mj.run.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.state import RobotState
 
 # the contract with everyone who reads run folders
 COLUMNS = """time_s x_m y_m theta1_rad theta2_rad x_rate_m_s y_rate_m_s theta1_rate_rad_s
@@ -50,6 +51,45 @@ def test_parquet_round_trip_is_exact(run: Trajectory, tmp_path: Path) -> None:
             equal_nan=getattr(run, field.name).dtype.kind == "f",
         ), field.name
     assert list(tmp_path.iterdir()) == [path]
+
+
+@pytest.mark.parametrize("trailers", [2, 3])
+def test_every_trailer_has_its_columns(trailers: int, tmp_path: Path) -> None:
+    rows, width = Trajectory.empty(np.arange(4.0), 1, trailers=trailers), 3 + trailers
+    assert rows.q.shape == (4, 1, width)
+    for i, name in enumerate(("q", "q_rate", "ref_q", "ref_q_rate", "est_q", "est_q_rate")):
+        getattr(rows, name)[:] = 100 * i + np.arange(4.0 * width).reshape(4, 1, width)
+    table = to_table(rows)
+    extra = [f"theta{i}" for i in range(3, width - 1)]
+    expected = list(COLUMNS)
+    for prefix in ("", "ref_", "est_"):
+        for unit in ("_rad", "_rate_rad_s"):
+            place = expected.index(f"{prefix}theta2{unit}") + 1
+            expected[place:place] = [f"{prefix}{angle}{unit}" for angle in extra]
+    assert table.column_names == expected
+    assert table[f"theta{width - 2}_rad"].to_pylist() == rows.q[:, 0, -1].tolist()
+    assert table["est_theta3_rate_rad_s"].to_pylist() == rows.est_q_rate[:, 0, 4].tolist()
+    write_parquet(table, tmp_path / "rows.parquet")
+    again = read_parquet(tmp_path / "rows.parquet")
+    for field in fields(Trajectory):
+        np.testing.assert_array_equal(getattr(again, field.name), getattr(rows, field.name))
+    lacking = table.drop_columns(["theta2_rad"])
+    pq.write_table(lacking, tmp_path / "lacking.parquet")
+    with pytest.raises(InputError, match="it lacks theta2_rad"):
+        read_parquet(tmp_path / "lacking.parquet")
+
+
+def test_the_physics_rate_table_names_what_it_holds() -> None:
+    q, rate, wheels = (shift + np.arange(20.0).reshape(1, 4, 5) for shift in (0.0, 100.0, 200.0))
+    table = physics_rate_table(np.arange(4.0), RobotState(q, rate), wheels[..., :2])
+    names = "x_m y_m theta1_rad theta2_rad theta3_rad".split()
+    rates = "x_rate_m_s y_rate_m_s theta1_rate_rad_s theta2_rate_rad_s theta3_rate_rad_s".split()
+    expected = ["time_s", *names, *rates, "wheel_right_rad_s", "wheel_left_rad_s"]
+    assert table.column_names == expected
+    columns = np.column_stack([table[name].to_numpy() for name in expected])
+    np.testing.assert_array_equal(
+        columns, np.column_stack([np.arange(4.0), q[0], rate[0], wheels[0, :, :2]])
+    )
 
 
 def test_damaged_and_foreign_files_are_refused(run: Trajectory, tmp_path: Path) -> None:

@@ -99,7 +99,10 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
         faults: list[Fault] = []
     except ValidationError as error:
         faults = [fault_of(item) for item in error.errors()]
-        scenario = Scenario.model_validate(_sound_part(data, faults))
+        try:
+            scenario = Scenario.model_validate(_sound_part(data, faults))
+        except ValidationError:  # what is refused is a default, or stands in a list
+            raise _input_error(source, faults) from error
     from ttwmr_mj.scenario.reference_faults import (
         reference_faults,  # it builds, and imports that much
     )
@@ -207,11 +210,8 @@ def _sound_part(data: dict[str, Any], faults: list[Fault]) -> dict[str, Any]:
                 break
             place = place[key]
         else:
-            if isinstance(place, dict) and keys[-1] in place:
-                del place[keys[-1]]
-                continue
-        if keys[0] in ("robot", "belief"):  # refused is a default, or stands in a list
-            sound.pop(str(keys[0]), None)
+            if isinstance(place, dict):
+                place.pop(keys[-1], None)
         if keys[0] in STAND_IN:
             sound[str(keys[0])] = STAND_IN[str(keys[0])]
         elif isinstance(sound.get(str(keys[0])), dict) and any(isinstance(k, int) for k in keys):
