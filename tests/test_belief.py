@@ -5,6 +5,7 @@ from __future__ import annotations
 import tomllib
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,14 +13,17 @@ import pytest
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.run import build
 from ttwmr_mj.run.execute import run_scenario
 from ttwmr_mj.run.experiment import Experiment
 from ttwmr_mj.scenario.faults import fault_of
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
 from ttwmr_mj.studies.bench.suite import load_suite, rows_of
+from ttwmr_mj.vision import setup
 
 LONGER = "belief.robot.trailer.com_offset_m=0.16"
 
@@ -148,7 +152,7 @@ def test_the_law_steers_the_robot_that_it_believes_in() -> None:
     np.testing.assert_allclose(small, 2.0 * drive("sim_circle", *still).wheel_command_rad_s[0])
 
 
-def test_the_tracker_predicts_with_the_believed_robot() -> None:
+def test_the_tracker_predicts_with_the_believed_robot(monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing that is driven depends on it: the wheels turn as the open loop says."""
     sets = [
         "sensing.kind=camera",
@@ -158,10 +162,18 @@ def test_the_tracker_predicts_with_the_believed_robot() -> None:
         "initial.theta2_rad=0.6",
         "robot.hitch.damping_n_m_s_rad=0.01",
     ]
+    drawn: list[RobotParameters] = []
+
+    def drawing(robot: RobotParameters, *more: Any) -> Any:
+        drawn.append(robot)
+        return build_model(robot, *more)
+
+    monkeypatch.setattr(setup, "build_model", drawing)
     plain, believed = (
         drive("open_loop_turn", *sets, *more)
         for more in ((), ("belief.robot.hitch.damping_n_m_s_rad=0.1",))
     )
+    assert [robot.hitch.damping_n_m_s_rad for robot in drawn] == [0.01, 0.01]
     np.testing.assert_array_equal(plain.q, believed.q)
     assert np.abs(plain.est_q - believed.est_q)[:, 0, 3].max() > 1e-4
 

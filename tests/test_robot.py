@@ -20,7 +20,7 @@ from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor, Trai
 from ttwmr_mj.run.build import make_plant
 from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.state import RobotState, hitch_angles
+from ttwmr_mj.state import RobotState, hitch_angles, unwrap_near
 
 LONG, SHORT = Trailer(mass_kg=0.5, next_hitch_offset_m=0.3), Trailer(com_offset_m=0.1)
 DAMPED, DRY = Hitch(damping_n_m_s_rad=0.1), Hitch(coulomb_friction_n_m=0.2)
@@ -115,8 +115,14 @@ def test_a_resolved_train_loads_back_and_its_first_trailer_can_be_set(tmp_path: 
             {**TABLES, "trailers": [TABLES["trailers"][0], {"yaw_inertia_kg_m2": 1e-6}]},
             "robot.trailers.1.yaw_inertia_kg_m2: got 1e-06; impossible",
         ),
-        ({"casters": {"mass_kg": 0.4}}, "robot.trailer.mass_kg: got 0.33; wheels and casters wei"),
-        ({"tractor": {"mass_kg": 0.06}}, "robot.tractor.mass_kg: got 0.06; wheels and casters w"),
+        (
+            {"casters": {"mass_kg": 0.4}},
+            "robot.trailer.mass_kg: got 0.33; wheels and casters weigh 0.8 kg",
+        ),
+        (
+            {"tractor": {"mass_kg": 0.06}},
+            "robot.tractor.mass_kg: got 0.06; wheels and casters weigh 0.061 kg",
+        ),
     ],
 )
 def test_faults_name_the_key(robot: dict[str, Any], expected: str) -> None:
@@ -200,6 +206,11 @@ def test_a_state_is_as_wide_as_the_robot_is_long() -> None:
     single = RobotState.at_rest(0, 0, 0, 0.5)
     assert single.q.dtype == np.float64
     assert single.hitch_angle_rad.tolist() == [0.5]
+
+
+def test_an_angle_is_unwrapped_to_the_nearest_representative() -> None:
+    near = unwrap_near(np.array([0.1, -3.0, 3.0]), np.array([6.0, 3.0, -3.0 - 2 * np.pi]))
+    np.testing.assert_allclose(near, [0.1 + 2 * np.pi, 2 * np.pi - 3.0, 3.0 - 4 * np.pi])
 
 
 def test_curves_of_a_train_look_at_every_angle_and_the_first_trailer() -> None:

@@ -104,10 +104,20 @@ def test_damaged_and_foreign_files_are_refused(run: Trajectory, tmp_path: Path) 
     pq.write_table(to_table(run).drop_columns(["y_m"]), foreign)
     with pytest.raises(InputError, match="it lacks y_m"):
         read_parquet(foreign)
+    pq.write_table(to_table(run).drop_columns(["theta2_rad"]), foreign)
+    with pytest.raises(InputError, match="it lacks theta2_rad"):
+        read_parquet(foreign)
 
 
 def test_slices_are_views(run: Trajectory) -> None:
     part = run.rows(3, 7)
     assert len(part) == 4
     assert np.shares_memory(part.q, run.q)
-    assert run.simulation(0).q.shape == run.q.shape
+    two = Trajectory.empty(np.arange(3.0), 2)
+    two.q[:, 1], two.saturated[:, 1] = 7.0, True
+    second = two.simulation(1)
+    assert (second.nsim, len(second)) == (1, 3)
+    assert np.shares_memory(second.q, two.q)
+    assert (second.q == 7.0).all()
+    assert second.saturated.all()
+    assert not two.simulation(0).saturated.any()
