@@ -48,7 +48,7 @@ def scored(name: str, *overrides: str) -> Metrics:
     scenario = load_scenario(name, list(overrides))
     result = Experiment(scenario).run()
     assert result.outcomes[0].status == "ok", result.outcomes[0].reason
-    return score(result.trajectory, scenario.robot)
+    return score(result.trajectory, scenario.robot)[0]
 
 
 def steady_mm(name: str, *overrides: str) -> float:
@@ -179,7 +179,7 @@ def test_it_works_on_an_ellipse() -> None:
     section = FlatEllipse(kind="flat_ellipse", half_axes_m=(0.6, 0.45), angular_rate_rad_s=1.0)
     scenario = load_scenario("outer_circle", ["plant.kind=analytic"])
     scenario = scenario.model_copy(update={"reference": section})
-    metrics = score(Experiment(scenario).run().trajectory, scenario.robot)
+    metrics = score(Experiment(scenario).run().trajectory, scenario.robot)[0]
     assert (metrics["steady_centre_of_oscillation_rmse_m"] or 1.0) < 1e-3
 
 

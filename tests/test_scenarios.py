@@ -23,7 +23,7 @@ def run(name: str, *overrides: str) -> Result:
 
 def scored(name: str, plant: str) -> Metrics:
     scenario = load_scenario(name, [f"plant.kind={plant}"])
-    return score(Experiment(scenario).run().trajectory, scenario.robot)
+    return score(Experiment(scenario).run().trajectory, scenario.robot)[0]
 
 
 @pytest.mark.parametrize("plant", PLANTS)

@@ -28,12 +28,17 @@ def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
     return q[..., :2] - distance_m * np.stack([np.cos(theta2), np.sin(theta2)], axis=-1)
 
 
-def score(trajectory: Trajectory, robot: RobotParameters) -> Metrics:
-    """All metrics of a batch of one; a value is None where it is undefined.
+def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:
+    """All metrics of every simulation, in order; a value is None where it is undefined.
 
     Undefined are: errors against a reference that does not exist, settling that never happens, and
     everything of a run without a single finite row.
     """
+    return tuple(_score(trajectory.simulation(i), robot) for i in range(trajectory.nsim))
+
+
+def _score(trajectory: Trajectory, robot: RobotParameters) -> Metrics:
+    """All metrics of a batch of one."""
     time = trajectory.time_s
     q, ref = trajectory.q[:, 0], trajectory.ref_q[:, 0]
     error = np.hypot(*(q - ref)[:, :2].T)

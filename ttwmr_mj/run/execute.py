@@ -119,7 +119,7 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json: status first, then the numbers."""
     outcome = result.outcomes[0]
-    numbers: Metrics = score(result.trajectory, scenario.robot)
+    numbers: Metrics = score(result.trajectory, scenario.robot)[0]
     return {
         "status": outcome.status,
         "reason": outcome.reason,

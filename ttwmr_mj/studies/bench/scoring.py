@@ -141,7 +141,7 @@ def _numbers(folder: Path) -> Metrics:
     trajectory = read_parquet(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
     return {
-        **score(trajectory, robot),
+        **score(trajectory, robot)[0],
         LAST_CENTRE: _last_error(trajectory, robot.swing_length_m),
         LAST_P: _last_error(trajectory, 0.0),
         "control_time_per_sample_us": stored["control_time_per_sample_us"],
