@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_hybrid import swing_energy
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.dynamics.hybrid import swing_energy
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -20,9 +20,10 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
-from ttwmr_mj.studies.compare.study import Options, compare_scenario, known_numbers, run_pair
+from ttwmr_mj.studies.compare.study import Options, compare_scenario
 
 
 def open_loop(

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.dynamics.hybrid import flat_output, flat_output_velocity
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA2, FloatArray
 
@@ -119,6 +118,46 @@ def centre_derivatives(
     """
     direction = _turning(np.moveaxis(theta2, -1, 0))
     return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
+
+
+def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
+    """(..., 2) the trailer's point at P − distance·t, for q (..., 3 + n) [m]; NaN where θ2 is."""
+    along, _ = trailer_axes(q[..., THETA2])
+    return q[..., :2] - distance_m * along
+
+
+def flat_output(q: FloatArray, robot: RobotParameters) -> FloatArray:
+    """F = P − k·t, (..., 2) [m], for q (..., 3 + n): the trailer's centre of oscillation."""
+    return point_behind(q, robot.swing_length_m)
+
+
+def flat_output_velocity(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArray:
+    """Ḟ = Ṗ − k·θ̇2·n, (..., 2) [m/s]."""
+    _, across = trailer_axes(q[..., THETA2])
+    turning = (robot.swing_length_m * q_rate[..., THETA2])[..., None]
+    return q_rate[..., :2] - turning * across
+
+
+def flat_output_acceleration(
+    theta2_rad: FloatArray,
+    theta2_rate_rad_s: FloatArray,
+    acceleration_m_s2: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """F̈ = (v·t + k·θ̇2²)·t, for a free hitch (Eq. 24).
+
+    Args:
+        theta2_rad: (...) trailer orientation.
+        theta2_rate_rad_s: (...) its rate.
+        acceleration_m_s2: (..., 2) v = (ẍ, ÿ) of P.
+        robot: Table I.
+
+    Returns:
+        (..., 2) [m/s²].
+    """
+    along, _ = trailer_axes(theta2_rad)
+    size = dot(acceleration_m_s2, along) + robot.swing_length_m * theta2_rate_rad_s**2
+    return np.asarray(size[..., None] * along)
 
 
 def trailer_axes(theta2_rad: FloatArray) -> tuple[FloatArray, FloatArray]:

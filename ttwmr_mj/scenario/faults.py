@@ -158,6 +158,8 @@ def cross_faults(scenario: Scenario, folder: Path) -> list[Fault]:
 def _timing_faults(scenario: Scenario) -> list[Fault]:
     faults = []
     period, step = scenario.control.sampling_time_s, scenario.plant.contact.timestep_s
+    if scenario.plant.kind == "analytic":
+        step = period  # solved at once
     for keys, value, unit, unit_key in (
         (("control", "sampling_time_s"), period, step, "plant.contact.timestep_s"),
         (("sensing", "latency_s"), scenario.sensing.latency_s, period, "control.sampling_time_s"),

@@ -40,14 +40,12 @@ def make_camera_sensor(
     # more time than it saves
     cv2.setNumThreads(1)
     calibration_rng, camera_rng = rng.spawn(2)
-    contact = scenario.plant.contact
-    scene = Path(contact.model_path) if contact.model_path else None
     sensor = CameraSensor(
         section.camera,
         section.tracker,
         find_calibration(section, calibration_rng, folder).camera,
         scenario.robot,
-        build_model(scenario.robot, contact, scene),
+        build_model(scenario.robot, scenario.plant.contact),
         period_s=scenario.control.sampling_time_s,
         latency_s=section.latency_s,
         nsim=plant.nsim,

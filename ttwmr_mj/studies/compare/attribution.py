@@ -47,22 +47,22 @@ Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One line of the table, in the quantity's unit.
+class Contribution:
+    """One line of a table, in the quantity's unit.
 
     Attributes:
         name: of the effect, or "higher_interactions", "rest", "total".
         alone: switched on from the ideal; None where that means nothing.
         interaction: half of (removed − alone).
-        contribution: alone + interaction; these add up to the total.
-        share: contribution per total; None if the total is zero.
-        rms: of the contribution itself over time, whatever its direction.
+        size: alone + interaction; these add up to the total.
+        share: size per total; None if the total is zero.
+        rms: over time, whatever its direction.
     """
 
     name: str
     alone: float | None
     interaction: float | None
-    contribution: float
+    size: float
     share: float | None
     rms: float
 
@@ -73,11 +73,11 @@ class Attribution:
 
     Attributes:
         present: effects the scenario has; the others contribute nothing.
-        tables: quantity ("position", "theta1", "theta2") → rows, the total last.
+        tables: quantity ("position", "theta1", "theta2") → contributions, the total last.
     """
 
     present: tuple[str, ...]
-    tables: dict[str, tuple[Row, ...]]
+    tables: dict[str, tuple[Contribution, ...]]
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
@@ -88,7 +88,7 @@ class Attribution:
                 row.name: {
                     f"alone_{unit}": row.alone,
                     f"interaction_{unit}": row.interaction,
-                    f"contribution_{unit}": row.contribution,
+                    f"contribution_{unit}": row.size,
                     "share": row.share,
                     f"rms_{unit}": row.rms,
                 }
@@ -109,10 +109,10 @@ class Attribution:
                 "other directions: where small effects decide which way an unstable or spinning "
                 "trailer goes, they do not add up; look at a shorter time (--set duration_s=...)"
             )
-        gross = sum(abs(row.contribution) for row in effects)
+        gross = sum(abs(row.size) for row in effects)
         return (
             "the rest is large beside the total because effects cancel; it is "
-            f"{100 * abs(rest.contribution) / gross:.1f} % of their sum without signs"
+            f"{100 * abs(rest.size) / gross:.1f} % of their sum without signs"
         )
 
 
@@ -183,7 +183,7 @@ def _table(
     higher: FloatArray,
     total: FloatArray,
     columns: list[int],
-) -> tuple[Row, ...]:
+) -> tuple[Contribution, ...]:
     """Rows of one quantity, given by its columns of δ (n, 4)."""
     whole = total[:, columns]
     size = float(np.sqrt(np.mean((whole**2).sum(axis=1))))
@@ -194,11 +194,11 @@ def _table(
         along = float((part * whole).sum() / (whole**2).sum()) * size if size else 0.0
         return along, float(np.sqrt(np.mean((part**2).sum(axis=1))))
 
-    def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Row:
+    def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Contribution:
         along, own = measure(part)
         first = None if alone is None else measure(alone)[0]
         second = None if first is None else along - first
-        return Row(name, first, second, along, along / size if size else None, own)
+        return Contribution(name, first, second, along, along / size if size else None, own)
 
     rows = [row(name, a + i, a) for name, (a, i) in contributions.items()]
     explained = sum((a + i for a, i in contributions.values()), higher)

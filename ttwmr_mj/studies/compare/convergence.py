@@ -22,7 +22,7 @@ from ttwmr_mj.studies.compare.effects import IDEAL_STALL_TORQUE_N_M
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
 from ttwmr_mj.studies.compare.variant import changed
 
-LEVELS = 4
+LEVELS = 4  # 1, 1/2, 1/4, 1/8: the finest takes half of the time
 MEASURES = (
     "position_deviation_max_m",
     "position_deviation_per_path",
@@ -74,16 +74,16 @@ def refined(scenario: Scenario, level: int) -> Scenario:
 def converge(
     scenario: Scenario,
     commands: FloatArray,
-    levels: int = LEVELS,
     progress: Progress | None = None,
+    levels: int = LEVELS,
 ) -> Convergence:
     """Run every level under one command history.
 
     Args:
         scenario: the coarsest level.
         commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        levels: how many, two at least.
         progress: called with the share of the work done.
+        levels: how many, two at least.
     """
     variants = [refined(scenario, level) for level in range(levels)]
     analytic = replay_analytic(scenario, commands)

@@ -10,25 +10,23 @@ import numpy as np
 
 from ttwmr_mj.figures.run_figures import DPI, LEFT, RIGHT, STYLE, TRACTOR, TRAILER
 from ttwmr_mj.results.curves import trailer_com
-from ttwmr_mj.studies.compare.effects import EFFECTS
+from ttwmr_mj.studies.compare import text
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ttwmr_mj.studies.compare.attribution import Attribution, Row
+    from ttwmr_mj.studies.compare.attribution import Attribution, Contribution
     from ttwmr_mj.studies.compare.convergence import Convergence
     from ttwmr_mj.studies.compare.fit.fit import Fit
-    from ttwmr_mj.studies.compare.study import Pair
+    from ttwmr_mj.studies.compare.pair import Pair
 
+WORTHWHILE = 5.0  # a fit that gains less misses an effect
+NOTHING = 5e-4  # share of the total that is shown as 0.0 %
 HITCH = "#E69F00"
 REST = "#777777"
 ANALYTIC: dict[str, Any] = {"color": "#222222", "linestyle": (0, (4, 2)), "linewidth": 1.0}
-NAMES = {effect.name: effect.text for effect in EFFECTS} | {
-    "higher_interactions": "three and more together",
-    "rest": "unexplained rest",
-    "total": "total",
-}
+NAMES = text.NAMES | {"higher_interactions": "three and more together", "total": "total"}
 
 
 def write_compare_figures(
@@ -169,7 +167,7 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         bars = axes.barh(
             [NAMES[row.name] for row in rows],
             # a negative nothing would put its label on the names
-            [0.0 if _is_nothing(row) else 1e3 * row.contribution for row in rows],
+            [0.0 if _is_nothing(row) else 1e3 * row.size for row in rows],
             color=colours,
         )
         shares = [None if row.share is None else 100.0 * row.share for row in rows]
@@ -183,8 +181,8 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         axes.grid(axis="y", visible=False)
 
 
-def _is_nothing(row: Row) -> bool:
-    return row.share is not None and abs(row.share) < 5e-4
+def _is_nothing(row: Contribution) -> bool:
+    return row.share is not None and abs(row.share) < NOTHING
 
 
 def _bar_colour(name: str) -> str:
@@ -230,7 +228,7 @@ def _draw_fit(figure: Figure, fit: Fit) -> None:
             place + offset, factors, 0.38, color=colour, label=f"{when} {gain.scenario}"
         )
         axes.bar_label(bars, [f"{factor:.0f}" for factor in factors], fontsize=7.5)
-    axes.axhline(5.0, color="#222222", linewidth=0.8, linestyle=(0, (4, 2)))
+    axes.axhline(WORTHWHILE, label=f"{WORTHWHILE:g} ×: a fit worth having", **ANALYTIC)
     axes.set_yscale("log")
     axes.set_xticks(place, list(names.values()))
     axes.set_ylabel("deviation of the plain model per\ndeviation of the fitted one")
