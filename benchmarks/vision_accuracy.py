@@ -27,13 +27,14 @@ from ttwmr_mj.plants.mjcf import build_model, build_spec
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.calibration.calibrate import calibrate_virtual
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
-from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, Distractor, TrackerOptions
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.detection import Detector
+from ttwmr_mj.vision.tracking.options import TrackerOptions
 from ttwmr_mj.vision.tracking.pose import solve_pose
 from ttwmr_mj.vision.tracking.tracker import Tracker
 

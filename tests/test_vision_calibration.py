@@ -13,8 +13,8 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.vision.calibration.board import BoardCamera, BoardDetector
 from ttwmr_mj.vision.calibration.calibrate import BoardViews, calibrate, calibrate_images
 from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
-from ttwmr_mj.vision.camera.model import true_camera
-from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions
+from ttwmr_mj.vision.camera.model import hang_camera
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 
 
 def test_board_corners_are_found_to_a_fiftieth_of_a_pixel() -> None:
@@ -30,7 +30,7 @@ def test_board_corners_are_found_to_a_fiftieth_of_a_pixel() -> None:
 
 
 def test_calibration_recovers_the_true_camera() -> None:
-    calibration, true = lab_calibration(), true_camera(model(), LAB_CAMERA)
+    calibration, true = lab_calibration(), hang_camera(model(), LAB_CAMERA)
     found = calibration.camera
     assert calibration.views >= 20
     assert calibration.reprojection_rms_px < 0.15
@@ -43,7 +43,7 @@ def test_calibration_recovers_the_true_camera() -> None:
 
 
 def test_calibrated_rays_meet_the_floor_within_a_fifth_of_a_millimetre() -> None:
-    found, true = lab_calibration().camera, true_camera(model(), LAB_CAMERA)
+    found, true = lab_calibration().camera, hang_camera(model(), LAB_CAMERA)
     x, y = np.meshgrid(np.linspace(-0.65, 0.65, 9), np.linspace(-0.6, 0.6, 9))
     points = np.column_stack([x.ravel(), y.ravel(), np.full(81, 0.0696)])
     error = found.to_plane(true.project(points), 0.0696) - points[:, :2]
@@ -73,7 +73,7 @@ def test_another_resolution_is_refused(tmp_path: Path) -> None:
     [
         ("", "cannot be read"),
         ("not: [yaml", "cannot be read"),
-        ("%YAML:1.0\n---\nimage_width: 640\n", "lacks the key camera_matrix"),
+        ("%YAML:1.0\n---\nimage_width: 640\n", "image_height: is missing"),
         ("\x00\x01\x02", "cannot be read"),
     ],
 )
@@ -90,7 +90,7 @@ def test_unreadable_files_say_what_to_do(tmp_path: Path, content: str, message: 
     [
         ("image_width: 640", "image_width: -640", "whole number"),
         ("rows: 3", "rows: 2", "damaged|shape|cannot be read"),
-        ("image_height", "image_hight", "lacks the key image_height"),
+        ("image_height", "image_hight", "image_height: is missing"),
     ],
 )
 def test_damaged_values_are_refused(tmp_path: Path, old: str, new: str, message: str) -> None:

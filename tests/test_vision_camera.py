@@ -10,17 +10,17 @@ from vision_scene import model
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.vision.camera.labels import NAMES, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
-from ttwmr_mj.vision.camera.model import CameraModel, coefficients, distort, true_camera, undistort
-from ttwmr_mj.vision.options import LAB_CAMERA, LAB_LENS, CameraOptions, Lens
+from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Lens
 from ttwmr_mj.vision.tracking.pose import label_jacobian, solve_pose
 
 
 def lab() -> CameraModel:
-    return true_camera(model(), LAB_CAMERA)
+    return hang_camera(model(), LAB_CAMERA)
 
 
 def test_the_ideal_camera_is_where_the_scene_says() -> None:
-    camera = true_camera(model(), CameraOptions())
+    camera = hang_camera(model(), CameraOptions())
     assert camera.position_m == pytest.approx([0.0, 0.0, 1.9])
     focal = 240.0 / np.tan(np.radians(41.1 / 2))
     assert camera.focal_px == pytest.approx([focal, focal])
@@ -41,7 +41,7 @@ def test_projection_agrees_with_opencv() -> None:
 
 def test_undistort_inverts_distort() -> None:
     slopes = np.random.default_rng(1).uniform([-0.5, -0.38], [0.5, 0.38], (200, 2))
-    coefficient = coefficients(LAB_LENS)
+    coefficient = lab().distortion
     assert undistort(distort(slopes, coefficient), coefficient) == pytest.approx(slopes, abs=1e-12)
 
 
@@ -62,7 +62,7 @@ def test_ignoring_a_labels_height_would_cost_centimetres() -> None:
 
 
 def test_a_lens_that_folds_the_picture_is_refused() -> None:
-    camera = true_camera(model(), CameraOptions(lens=Lens(k1=-1.0)))
+    camera = hang_camera(model(), CameraOptions(lens=Lens(k1=-1.0)))
     with pytest.raises(InputError, match="folds the picture"):
         LensMap(camera, 3, 0.0)
 

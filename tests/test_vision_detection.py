@@ -10,8 +10,8 @@ from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
-from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.detection import Candidates, Detector
 from ttwmr_mj.vision.tracking.restoration import blobs, label_sized, neutral_colour

@@ -11,9 +11,7 @@ from ttwmr_mj.vision.camera import gl
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import DISTRACTOR_CLASS, FIRST_LABEL_CLASS, OCCLUDER_CLASS, Frame
 from ttwmr_mj.vision.camera.noise import SensorNoise
-from ttwmr_mj.vision.camera.renderer import Region
-from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
-from ttwmr_mj.vision.options import (
+from ttwmr_mj.vision.camera.options import (
     LAB_CAMERA,
     CameraOptions,
     Delivery,
@@ -22,6 +20,8 @@ from ttwmr_mj.vision.options import (
     Noise,
     Window,
 )
+from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 
 POSE = np.array([0.3, 0.2, 0.5, 1.4])
 STILL = np.zeros(4)
@@ -189,7 +189,7 @@ def test_frozen_frames_repeat_the_picture_with_a_new_time() -> None:
 
 def test_without_opengl_the_error_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    monkeypatch.setattr(gl, "find_backend", lambda: None)
+    monkeypatch.setattr(gl, "probe", lambda name: gl.Probe(name, None, "not here"))
     gl.chosen_backend.cache_clear()
     try:
         with pytest.raises(MachineError, match="apt-get install libegl1 libgl1 libgl1-mesa-dri"):

@@ -15,11 +15,12 @@ from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.robot import Hitch
 from ttwmr_mj.state import FloatArray, RobotState, wrap
-from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, TrackerOptions
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.sensor import CameraSensor
 from ttwmr_mj.vision.tracking.commands import CommandHistory
-from ttwmr_mj.vision.tracking.motion import SIZE, Belief, MotionModel
-from ttwmr_mj.vision.tracking.tracker import Status
+from ttwmr_mj.vision.tracking.estimate import Status
+from ttwmr_mj.vision.tracking.motion import SIZE, Gaussian, MotionModel
+from ttwmr_mj.vision.tracking.options import TrackerOptions
 
 PERIOD_S = 0.033
 PERIODS = 150
@@ -154,16 +155,16 @@ def test_prediction_follows_the_hybrid_model() -> None:
     start = RobotState.at_rest(0.1, -0.2, 0.4, 1.1)
     plant.reset(start)
     history, motion = CommandHistory(ROBOT), MotionModel(ROBOT, TrackerOptions())
-    belief = Belief(0.0, np.append(start.q[0], np.zeros(3)), 1e-8 * np.eye(SIZE))
+    state = Gaussian(0.0, np.append(start.q[0], np.zeros(3)), 1e-8 * np.eye(SIZE))
     for k in range(30):
         time = PERIOD_S * k
         history.tell(time, command(k), PERIOD_S)
         plant.advance(command(k), 1)
-        stretches = history.stretches(time, time + PERIOD_S)
-        belief = motion.predict(belief, time + PERIOD_S, stretches)
+        ramps = history.ramps(time, time + PERIOD_S)
+        state = motion.predict(state, time + PERIOD_S, ramps)
     # both exact but for Simpson's rule and fourth-order steps of 33 ms
-    assert belief.mean[:4] == pytest.approx(plant.state().q[0], abs=1e-6)
-    assert belief.mean[6] == pytest.approx(plant.state().q_rate[0, 3], abs=1e-6)
+    assert state.mean[:4] == pytest.approx(plant.state().q[0], abs=1e-6)
+    assert state.mean[6] == pytest.approx(plant.state().q_rate[0, 3], abs=1e-6)
 
 
 @pytest.mark.parametrize(
@@ -178,15 +179,15 @@ def test_prediction_follows_the_hybrid_model() -> None:
 def test_a_stiff_hitch_neither_blows_up_nor_swings(hitch: dict[str, float]) -> None:
     robot = ROBOT.model_copy(update={"hitch": Hitch.model_validate(hitch)})
     history, motion = CommandHistory(robot), MotionModel(robot, TrackerOptions())
-    belief = Belief(0.0, np.zeros(SIZE), 1e-8 * np.eye(SIZE))
+    state = Gaussian(0.0, np.zeros(SIZE), 1e-8 * np.eye(SIZE))
     for k in range(60):
         time = PERIOD_S * k
         history.tell(time, command(k), PERIOD_S)
-        stretches = history.stretches(time, time + PERIOD_S)
-        belief = motion.predict(belief, time + PERIOD_S, stretches)
-    assert abs(belief.mean[3] - belief.mean[2]) < 0.02
-    assert np.linalg.eigvalsh(belief.covariance).min() > 0
-    assert belief.covariance.max() < 0.1
+        ramps = history.ramps(time, time + PERIOD_S)
+        state = motion.predict(state, time + PERIOD_S, ramps)
+    assert abs(state.mean[3] - state.mean[2]) < 0.02
+    assert np.linalg.eigvalsh(state.covariance).min() > 0
+    assert state.covariance.max() < 0.1
 
 
 def test_covariance_follows_the_linearized_motion() -> None:
@@ -194,31 +195,31 @@ def test_covariance_follows_the_linearized_motion() -> None:
     history = CommandHistory(ROBOT)
     history.roll(np.array([4.0, 2.0]))
     mean = np.array([0.1, 0.2, 0.5, 1.3, 0.01, -0.05, 0.4])
-    stretches = list(history.stretches(0.0, PERIOD_S))
+    ramps = list(history.ramps(0.0, PERIOD_S))
 
     def after(state: FloatArray) -> FloatArray:
-        return motion.predict(Belief(0.0, state, np.zeros((SIZE, SIZE))), PERIOD_S, stretches).mean
+        return motion.predict(Gaussian(0.0, state, np.zeros((SIZE, SIZE))), PERIOD_S, ramps).mean
 
     step = 1e-6
     slopes = [(after(mean + d) - after(mean - d)) / (2 * step) for d in step * np.eye(SIZE)]
     transition = np.array(slopes).T
     spread = np.diag(np.linspace(1.0, 2.0, SIZE))
-    belief = motion.predict(Belief(0.0, mean, spread), PERIOD_S, stretches)
-    without = motion.predict(Belief(0.0, mean, np.zeros((SIZE, SIZE))), PERIOD_S, stretches)
+    state = motion.predict(Gaussian(0.0, mean, spread), PERIOD_S, ramps)
+    without = motion.predict(Gaussian(0.0, mean, np.zeros((SIZE, SIZE))), PERIOD_S, ramps)
     expected = transition @ spread @ transition.T
     # the linearization is of second order in 33 ms
-    assert belief.covariance - without.covariance == pytest.approx(expected, abs=2e-3)
+    assert state.covariance - without.covariance == pytest.approx(expected, abs=2e-3)
 
 
-def test_stretches_cover_the_time_without_gaps() -> None:
+def test_ramps_cover_the_time_without_gaps() -> None:
     history = CommandHistory(ROBOT)
     for k in range(5):
         history.tell(PERIOD_S * k, command(k), PERIOD_S)
-    parts = list(history.stretches(0.01, 0.2))
+    parts = list(history.ramps(0.01, 0.2))
     assert sum(part.duration_s for part in parts) == pytest.approx(0.19)
     assert all(a.u1_end == b.u1_start for a, b in pairwise(parts))
     assert history.twist(9.0) == history.twist(5 * PERIOD_S)
-    assert list(history.stretches(0.1, 0.1)) == []
+    assert list(history.ramps(0.1, 0.1)) == []
 
 
 def test_before_the_first_sighting_nothing_is_claimed() -> None:

@@ -12,8 +12,8 @@ from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Faults
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
-from ttwmr_mj.vision.options import LAB_CAMERA, CameraOptions, Faults
 
 ROBOT = RobotParameters()
 

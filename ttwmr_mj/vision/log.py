@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from ttwmr_mj.vision.camera.frame import Frame
-
-if TYPE_CHECKING:
-    from ttwmr_mj.vision.tracking.tracker import Sighting, TrackEstimate
+from ttwmr_mj.vision.tracking.estimate import Sighting, TrackEstimate
 
 
 @dataclass(frozen=True, slots=True)

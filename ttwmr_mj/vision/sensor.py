@@ -16,10 +16,15 @@ from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.log import CameraRecord
-from ttwmr_mj.vision.options import CameraOptions, TrackerOptions
-from ttwmr_mj.vision.tracking.tracker import Tracker, TrackEstimate
+from ttwmr_mj.vision.tracking.estimate import TrackEstimate
+from ttwmr_mj.vision.tracking.options import TrackerOptions
+from ttwmr_mj.vision.tracking.tracker import Tracker
+
+Frames = list[list[Frame]]  # of each simulation, those of one control period
+JointPositions = Callable[[], FloatArray]
 
 
 class CameraSensor:
@@ -33,7 +38,6 @@ class CameraSensor:
         layout: the labels on the robot.
         frames: the newest frame that has arrived in each simulation; None where none has.
         estimates: the trackers' full answers of this period.
-        segmentation: whether frames carry the class of every pixel; costs time.
     """
 
     def __init__(
@@ -41,14 +45,15 @@ class CameraSensor:
         options: CameraOptions,
         tracking: TrackerOptions,
         calibrated: CameraModel,
-        robot: RobotParameters,
+        believed: RobotParameters,
         model: mujoco.MjModel,
         *,
         period_s: float,
         latency_s: float,
         nsim: int,
         rng: np.random.Generator,
-        joint_positions: Callable[[], FloatArray] | None = None,
+        joint_positions: JointPositions | None = None,
+        segmentation: bool = False,
     ) -> None:
         """Set up a camera and a tracker per simulation.
 
@@ -56,14 +61,15 @@ class CameraSensor:
             options: the camera, its sensor and its faults.
             tracking: the tracker's noise model and limits.
             calibrated: what the loop knows of the camera.
-            robot: the robot in the picture.
-            model: the scene with it, as of `plants.mjcf.build_model`.
+            believed: what the trackers take the robot to be.
+            model: the scene with the robot that is seen, as of `plants.mjcf.build_model`.
             period_s: control period; a frame is taken in each.
             latency_s: from a shutter's closing to its frame's arrival, whole periods.
             nsim: simulations in the batch.
             rng: source of all noise and faults.
-            joint_positions: the contact plant's, (nsim, nq), so that frames show every joint; None
-                draws the robot from q alone.
+            joint_positions: the plant's, (nsim, nq), so that frames show every joint; None, or a
+                plant without joints, draws the robot from q alone.
+            segmentation: whether frames carry the class of every pixel; costs time.
 
         Raises:
             InputError: the scene lacks a part.
@@ -76,19 +82,18 @@ class CameraSensor:
         self.cameras: list[VirtualCamera] = self._worker.submit(
             lambda: [VirtualCamera(options, model, child) for child in children[:nsim]]
         ).result()
-        layout = self.cameras[0].layout
-        self.layout = layout
-        self.trackers = [Tracker(calibrated, layout, robot, tracking) for _ in range(nsim)]
+        self.layout = self.cameras[0].layout
+        self.trackers = [Tracker(calibrated, self.layout, believed, tracking) for _ in range(nsim)]
         self.frames: list[Frame | None] = [None] * nsim
         self.estimates: list[TrackEstimate] = []
-        self.segmentation = False
+        self._segmentation = segmentation
         self._log: list[CameraRecord] | None = None
         self._faults = [DeliveryFaults(options.faults.delivery, child) for child in children[nsim:]]
         self._period_s = period_s
-        self._travelling = LatencyQueue[Future[list[list[Frame]]]](latency_s, period_s)
-        self._arrived: Future[list[list[Frame]]] | None = None
+        self._travelling = LatencyQueue[Future[Frames]](latency_s, period_s)
+        self._arrived: Future[Frames] | None = None
         self._joint_positions = joint_positions
-        self._robot = robot
+        self._believed = believed
         self._k = 0
 
     def observe(self, truth: RobotState) -> Estimate:
@@ -144,34 +149,31 @@ class CameraSensor:
     def _start(self, truth: RobotState) -> None:
         """Who puts the robot down knows roughly where, and how fast its wheels turn."""
         twist = workspace_rate(truth.q, truth.q_rate)[:, :2]
-        speeds = wheels_from_twist(twist, self._robot)
+        speeds = wheels_from_twist(twist, self._believed)
         for i, (tracker, wheels) in enumerate(zip(self.trackers, speeds, strict=True)):
             tracker.commands.roll(wheels)
             tracker.assume(0.0, truth.q[i], float(truth.q_rate[i, 3]))
 
-    def _expose(self, truth: RobotState, now: float) -> Future[list[list[Frame]]]:
+    def _expose(self, truth: RobotState, now: float) -> Future[Frames]:
         """Let the cameras' thread take this period's frames of each simulation."""
-        joints = None if self._joint_positions is None else self._joint_positions()
-        if joints is not None and joints.shape[-1] > 0:
-            postures = list(joints)
-        else:
+        postures = None if self._joint_positions is None else self._joint_positions()
+        if postures is None or not postures.size:
             pairs = zip(self.cameras, truth.q, strict=True)
-            postures = [camera.posture.positions(q) for camera, q in pairs]
+            postures = np.stack([camera.posture.positions(q) for camera, q in pairs])
         return self._worker.submit(self._deliver, postures, truth.q_rate, now)
 
-    def _deliver(
-        self, postures: list[FloatArray], q_rate: FloatArray, now: float
-    ) -> list[list[Frame]]:
+    def _deliver(self, postures: FloatArray, q_rate: FloatArray, now: float) -> Frames:
         """The frames that leave each camera in this period; runs in the cameras' thread."""
-        leaving = []
-        for camera, faults, qpos, rate in zip(
-            self.cameras, self._faults, postures, q_rate, strict=True
-        ):
-            expose = partial(camera.take, qpos, rate, now, segmentation=self.segmentation)
-            leaving.append(faults.deliver(now, expose))
-        return leaving
+        return [
+            faults.deliver(
+                now, partial(camera.take, qpos, rate, now, segmentation=self._segmentation)
+            )
+            for camera, faults, qpos, rate in zip(
+                self.cameras, self._faults, postures, q_rate, strict=True
+            )
+        ]
 
-    def _exchange(self, leaving: Future[list[list[Frame]]]) -> list[list[Frame]]:
+    def _exchange(self, leaving: Future[Frames]) -> Frames:
         """Put in what leaves the cameras, take out what arrives; the first arrives at once."""
         due, _ = self._travelling.exchange(leaving)
         if due is self._arrived:  # the first stands in for those that are still on their way

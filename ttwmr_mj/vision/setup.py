@@ -5,32 +5,41 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
-from ttwmr_mj.vision.options import CameraOptions, CameraSensing
-from ttwmr_mj.vision.sensor import CameraSensor
+from ttwmr_mj.vision.camera.options import CameraOptions, Faults
+from ttwmr_mj.vision.options import CameraSensing
+from ttwmr_mj.vision.sensor import CameraSensor, JointPositions
 
 
 def make_camera_sensor(
-    scenario: Scenario,
     section: CameraSensing,
-    plant: Plant,
+    model: mujoco.MjModel,
+    believed: RobotParameters,
     rng: np.random.Generator,
     folder: Path,
+    *,
+    period_s: float,
+    nsim: int,
+    joint_positions: JointPositions,
+    segmentation: bool,
 ) -> CameraSensor:
-    """The scenario's camera in the loop.
+    """A scenario's camera in the loop.
 
     Args:
-        scenario: robot, control period and scene.
-        section: its camera.
-        plant: whose joints are seen.
+        section: the camera, its tracker and its latency.
+        model: the scene with the robot that is seen, as of `plants.mjcf.build_model`.
+        believed: what the tracker takes the robot to be.
         rng: source of the calibration's and the camera's noise.
         folder: where a calibration file is looked for.
+        period_s: control period.
+        nsim: simulations in the batch.
+        joint_positions: of the plant whose joints are seen.
+        segmentation: whether frames carry the class of every pixel.
 
     Raises:
         InputError: the calibration cannot be used, or the scene lacks a part.
@@ -40,20 +49,19 @@ def make_camera_sensor(
     # more time than it saves
     cv2.setNumThreads(1)
     calibration_rng, camera_rng = rng.spawn(2)
-    sensor = CameraSensor(
+    return CameraSensor(
         section.camera,
         section.tracker,
         find_calibration(section, calibration_rng, folder).camera,
-        scenario.robot,
-        build_model(scenario.robot, scenario.plant.contact),
-        period_s=scenario.control.sampling_time_s,
+        believed,
+        model,
+        period_s=period_s,
         latency_s=section.latency_s,
-        nsim=plant.nsim,
+        nsim=nsim,
         rng=camera_rng,
-        joint_positions=plant.joint_positions,
+        joint_positions=joint_positions,
+        segmentation=segmentation,
     )
-    sensor.segmentation = scenario.output.save_frames
-    return sensor
 
 
 def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: Path) -> Calibration:
@@ -70,4 +78,4 @@ def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: P
 
 def without_faults(options: CameraOptions) -> CameraOptions:
     """The camera on a good day, which is when one calibrates."""
-    return options.model_copy(update={"faults": type(options.faults)()})
+    return options.model_copy(update={"faults": Faults()})

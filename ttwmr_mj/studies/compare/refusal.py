@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -13,7 +14,6 @@ def refuse_unlike(scenario: Scenario) -> None:
         InputError: they do not; every key is named.
     """
     plant, hitch = scenario.plant, scenario.robot.hitch
-    period_s, step_s = scenario.control.sampling_time_s, plant.contact.timestep_s
     faults = []
     if plant.pushes:
         fault = Fault(
@@ -41,13 +41,6 @@ def refuse_unlike(scenario: Scenario) -> None:
             hint="set it to false",
         )
         faults.append(fault)
-    if abs(period_s / step_s - round(period_s / step_s)) > 1e-6:  # rounding of the decimals
-        fault = Fault(
-            key=("plant", "contact", "timestep_s"),
-            got=f"{step_s:g}",
-            problem=f"a control period of {period_s:g} s is no whole number of physics steps",
-            hint="choose another step for contact physics",
-        )
-        faults.append(fault)
+    faults += physics_step_faults(scenario)
     if faults:
         raise InputError(*faults, file=f"{scenario.name}, compared on both plants")

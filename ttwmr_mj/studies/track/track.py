@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from contextlib import ExitStack
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_parquet
-from ttwmr_mj.results.trajectory import Q_NAMES, RATE_NAMES
+from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.vision.calibration.file import load_calibration
+from ttwmr_mj.vision.camera.labels import read_layout
+from ttwmr_mj.vision.follow_video import FREE_MOTION, follow, open_footage
 from ttwmr_mj.vision.log import CameraRecord
-from ttwmr_mj.vision.tracking.follow_video import follow, open_footage, robot_layout
+from ttwmr_mj.vision.tracking.tracker import Tracker
 
+BATCH = 30  # frames worked in between two writes: a second
 STD_NAMES = ("x_std_m", "y_std_m", "theta1_std_rad", "theta2_std_rad")
 
 
@@ -26,8 +31,8 @@ class Track:
 
     Attributes:
         folder: with poses.parquet and track.rrd.
-        frames: how many were seen.
-        tracked: in how many the robot was found and the estimate valid.
+        frames: number of frames.
+        tracked: in how many of them the robot was found and the estimate valid.
     """
 
     folder: Path
@@ -62,28 +67,27 @@ def track(
     """
     from ttwmr_mj.studies.track.recording import TrackRecorder
 
-    calibration = load_calibration(calibration_path)
+    camera = load_calibration(calibration_path).camera
+    layout = read_layout(build_model(robot, ContactOptions()))
+    tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
-    with ExitStack() as stack:
-        footage = stack.enter_context(open_footage(source, calibration))
-        recorder = stack.enter_context(
-            TrackRecorder(folder / "track.rrd", source, calibration.camera, robot_layout(robot))
-        )
-
-        def consume(records: list[CameraRecord]) -> None:
-            recorder.append(records)
-            rows.extend(_row(record) for record in records)
-            if progress is not None:
-                progress(float(len(rows)))
-
+    with (
+        open_footage(source, camera) as footage,
+        TrackRecorder(folder / "track.rrd", source, camera, layout) as recorder,
+    ):
         try:
-            frames = follow(footage, calibration, robot, consume, max_frames=max_frames)
+            records = follow(footage, tracker, max_frames=max_frames)
+            while some := list(islice(records, BATCH)):
+                recorder.append(some)
+                rows.extend(_row(record) for record in some)
+                if progress is not None:
+                    progress(float(len(rows)))
         except KeyboardInterrupt:  # how one ends a camera's stream
-            frames = len(rows)
+            pass
     if not rows:
         raise InputError(f"{source}: stopped before the first frame")
     _write(rows, folder / "poses.parquet")
-    return Track(folder, frames, sum(int(row[-1]) for row in rows))
+    return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
 
 
 def _row(record: CameraRecord) -> tuple[float, ...]:
@@ -96,6 +100,6 @@ def _row(record: CameraRecord) -> tuple[float, ...]:
 def _write(rows: list[tuple[float, ...]], path: Path) -> None:
     import pyarrow as pa
 
-    names = ("time_s", *Q_NAMES, *RATE_NAMES, *STD_NAMES, "labels_found", "valid")
+    names = ("time_s", *q_names(4), *rate_names(4), *STD_NAMES, "labels_found", "valid")
     columns = np.array(rows).T
     write_parquet(pa.table(dict(zip(names, columns, strict=True))), path)

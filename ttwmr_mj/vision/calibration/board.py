@@ -11,11 +11,12 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.lens import LensMap
-from ttwmr_mj.vision.camera.model import CameraModel, hang_camera, true_camera
+from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
-from ttwmr_mj.vision.camera.renderer import ROBOT_GROUP, Image, RegionRenderer
-from ttwmr_mj.vision.options import CameraOptions
+from ttwmr_mj.vision.camera.options import CameraOptions
+from ttwmr_mj.vision.camera.renderer import ROBOT_GROUP, RegionRenderer
 
 SQUARES = (7, 5)  # along and across
 SQUARE_M = 0.08
@@ -79,8 +80,7 @@ class BoardCamera:
             MachineError: no OpenGL.
         """
         model = _board_model()
-        hang_camera(model, options)
-        self.true: CameraModel = true_camera(model, options)
+        self.true: CameraModel = hang_camera(model, options)
         self._lens = LensMap(self.true, options.supersampling, options.lens.defocus_px)
         self._renderer = RegionRenderer(model, options.name, self._lens.focal_px)
         self._noise = SensorNoise(options.noise, options.width_px, options.height_px, rng)
@@ -101,9 +101,7 @@ class BoardCamera:
         centre = position_m - 0.5 * THICKNESS_M * rotation[:, 2]
         self._qpos[-7:] = np.concatenate([centre, quaternion])
         self._renderer.place(self._qpos)
-        picture = self._renderer.robot(self._lens.whole)
-        beside = cv2.inRange(picture, (0, 0, 0), (0, 0, 0))
-        cv2.copyTo(self._floor, beside, picture)
+        picture = self._renderer.robot_on(self._floor, self._lens.whole)
         light = self._lens.expose(picture, self._lens.whole, *self._everywhere)
         return self._noise.read(light, time_s)
 

@@ -8,6 +8,7 @@ small board would leave loose in tilt.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -24,17 +25,19 @@ from ttwmr_mj.vision.calibration.board import (
     BoardDetector,
     BoardView,
 )
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.renderer import Image
-from ttwmr_mj.vision.options import CameraOptions
+from ttwmr_mj.vision.camera.options import CameraOptions
 
 MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
-HELD_VIEWS = 24  # rendered at many tilts and distances
+HELD_GRID = (4, 3)  # columns and rows of places in the picture where boards are held
+HELD_VIEWS = 24  # two at each place, at many tilts and distances
 ORIGIN_VIEWS = 6
 FLAT_POSES = ((0.6, 0.4, 0.5), (-0.6, 0.4, -0.4), (-0.6, -0.4, 2.8), (0.6, -0.4, 3.5))
 TILT_RAD = (0.15, 0.6)
 HEIGHT_M = (0.5, 1.2)  # of held boards above the floor
 PERIOD_S = 0.5  # between two rendered views, while gains drift
+Pose = tuple[FloatArray, FloatArray]  # position (3,) of a board's face and its rotation (3, 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,36 +80,37 @@ def calibrate(views: BoardViews, width_px: int, height_px: int) -> Calibration:
     """
     everything = [*views.held, *views.origin, *views.flat]
     if len(everything) < MIN_VIEWS or not views.origin:
-        raise InputError(
-            f"calibration: the board was found in {len(everything)} views, "
-            f"{len(views.origin)} of them at the origin; at least {MIN_VIEWS} and 1 are needed. "
-            f"Show the whole ChArUco board ({SQUARES[0]}×{SQUARES[1]} squares, DICT_4X4_50), sharp "
-            "and well lit"
+        raise InputError.at(
+            "calibration",
+            f"the board was found in {len(everything)} views, {len(views.origin)} of them at the "
+            f"origin; at least {MIN_VIEWS} and 1 are needed",
+            hint=f"show the whole ChArUco board ({SQUARES[0]}×{SQUARES[1]} squares, DICT_4X4_50), "
+            "sharp and well lit",
         )
-    points = [_in_space(view.points_m).astype(np.float32) for view in everything]
+    points = [np.insert(view.points_m, 2, 0.0, axis=1).astype(np.float32) for view in everything]
     pixels = [view.pixels.astype(np.float32) for view in everything]
     try:
-        rms, matrix, distortion, turns, shifts = cv2.calibrateCamera(
+        rms, matrix, distortion, *poses = cv2.calibrateCamera(
             points, pixels, (width_px, height_px), None, None, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
-        raise InputError(
-            f"calibration: the views determine no camera ({error.err}); tilt the board in more "
-            "of them"
+        raise InputError.at(
+            "calibration",
+            f"the views determine no camera ({error.err})",
+            hint="tilt the board in more of them",
         ) from error
     solved = np.asarray(matrix, dtype=np.float64)
     inner = CameraModel(
         width_px=width_px,
         height_px=height_px,
-        focal_px=solved[[0, 1], [0, 1]].copy(),
+        focal_px=solved[[0, 1], [0, 1]],
         principal_px=solved[:2, 2].copy(),
         distortion=np.asarray(distortion, dtype=np.float64).ravel()[:5],
         rotation=np.eye(3),
         position_m=np.zeros(3),
     )
-    first = len(views.held)
-    start = np.concatenate([np.ravel(turns[first]), np.ravel(shifts[first])])
-    camera, floor_rms = _place(inner, views, start)
+    lying = np.concatenate(poses, axis=1)[len(views.held) :, :, 0]
+    camera, floor_rms = _place(inner, views, lying)
     return Calibration(camera, float(rms), floor_rms, len(everything))
 
 
@@ -118,12 +122,10 @@ def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calib
         MachineError: no OpenGL.
     """
     camera = BoardCamera(options, rng)
-    detector = BoardDetector()
     moments = iter(PERIOD_S * np.arange(HELD_VIEWS + ORIGIN_VIEWS + len(FLAT_POSES)))
 
-    def views(poses: list[tuple[FloatArray, FloatArray]]) -> list[BoardView]:
-        seen = [detector.find(camera.take(*pose, float(next(moments)))) for pose in poses]
-        return [view for view in seen if view is not None]
+    def views(poses: list[Pose]) -> list[BoardView]:
+        return _found(camera.take(*pose, float(next(moments))) for pose in poses)
 
     found = BoardViews(
         held=views(_held_poses(camera.true, rng)),
@@ -142,7 +144,9 @@ def calibrate_images(held: list[Path], origin: list[Path], flat: list[Path]) -> 
     """
     paths = [*held, *origin, *flat]
     if not paths:
-        raise InputError("calibration: no images given; take at least 20 of the ChArUco board")
+        raise InputError.at(
+            "calibration", "no images given", hint="take at least 20 of the ChArUco board"
+        )
     images = {path: _read_image(path) for path in paths}
     height, width = images[paths[0]].shape[:2]
     for path, image in images.items():
@@ -151,12 +155,14 @@ def calibrate_images(held: list[Path], origin: list[Path], flat: list[Path]) -> 
                 f"{path}: {image.shape[1]}×{image.shape[0]} px, but {paths[0]} has "
                 f"{width}×{height}; all must come from one camera at one setting"
             )
-    detector = BoardDetector()
-    groups = []
-    for group in (held, origin, flat):
-        seen = [detector.find(images[path]) for path in group]
-        groups.append([view for view in seen if view is not None])
+    groups = [_found(images[path] for path in group) for group in (held, origin, flat)]
     return calibrate(BoardViews(*groups), width, height)
+
+
+def _found(images: Iterable[Image]) -> list[BoardView]:
+    """The views of those images that show the board."""
+    views = map(BoardDetector().find, images)
+    return [view for view in views if view is not None]
 
 
 def _read_image(path: Path) -> Image:
@@ -166,17 +172,13 @@ def _read_image(path: Path) -> Image:
     return np.asarray(image, dtype=np.uint8)
 
 
-def _in_space(points_m: FloatArray) -> FloatArray:
-    return np.column_stack([points_m, np.zeros(len(points_m))])
-
-
-def _place(inner: CameraModel, views: BoardViews, start: FloatArray) -> tuple[CameraModel, float]:
+def _place(inner: CameraModel, views: BoardViews, poses: FloatArray) -> tuple[CameraModel, float]:
     """The camera's pose in the world of the board at the origin, and what is left over [px].
 
     Args:
         inner: intrinsics and distortion.
-        views: those at the origin and flat ones count.
-        start: (6,) OpenCV's rotation vector and translation of the first view at the origin.
+        views: those at the origin and the flat ones count.
+        poses: (n, 6) OpenCV's rotation vector and translation of these, solved one by one.
     """
     seen = np.concatenate([view.pixels for view in [*views.origin, *views.flat]])
     at_origin = [_lying(view.points_m, 0.0, 0.0, 0.0) for view in views.origin]
@@ -189,69 +191,52 @@ def _place(inner: CameraModel, views: BoardViews, start: FloatArray) -> tuple[Ca
         points = np.concatenate([*at_origin, *elsewhere])
         return np.asarray((_at(inner, unknown[:6]).project(points) - seen).ravel())
 
-    first = _at(inner, start)
-    guess = [
-        _board_pose(view.points_m, first.to_plane(view.pixels, THICKNESS_M)) for view in views.flat
-    ]
-    solution = least_squares(residual, np.concatenate([start, *guess]), method="lm", x_scale="jac")
+    start, first = poses[0], _rotation(poses[0])
+    guess = []
+    for pose in poses[len(views.origin) :]:
+        x, y, _ = first.T @ (pose[3:] - start[3:])
+        along = first.T @ _rotation(pose)[:, 0]
+        guess.append([x, y, np.arctan2(along[1], along[0])])
+    unknown = np.concatenate([start, *guess])
+    solution = least_squares(residual, unknown, method="lm", x_scale="jac")
     rms = float(np.sqrt(2.0 * solution.cost / len(seen)))
     return _at(inner, solution.x[:6]), rms
 
 
+def _rotation(pose: FloatArray) -> FloatArray:
+    """(3, 3) of a pose that begins with OpenCV's rotation vector."""
+    return np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64)
+
+
 def _at(inner: CameraModel, pose: FloatArray) -> CameraModel:
     """The camera at OpenCV's pose (6,) of the printed face, which is a thickness above z = 0."""
-    rotation = np.asarray(cv2.Rodrigues(pose[:3])[0], dtype=np.float64)
+    rotation = _rotation(pose)
     position = -rotation.T @ pose[3:] + [0.0, 0.0, THICKNESS_M]
     return replace(inner, rotation=rotation, position_m=position)
 
 
 def _lying(points_m: FloatArray, x_m: float, y_m: float, angle_rad: float) -> FloatArray:
-    """World points (n, 3) of a board's face lying on the floor."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y = points_m.T
-    height = np.full(len(x), THICKNESS_M)
-    return np.column_stack([x_m + cos * x - sin * y, y_m + sin * x + cos * y, height])
+    """World points (n, 3) of a board's face (n, 2) lying on the floor."""
+    position, rotation = _flat_pose(x_m, y_m, angle_rad)
+    return np.asarray(position + points_m @ rotation[:, :2].T)
 
 
-def _board_pose(points_m: FloatArray, world_m: FloatArray) -> FloatArray:
-    """(3,) x, y and angle that bring board points (n, 2) onto world points (n, 2)."""
-    here, there = points_m.mean(axis=0), world_m.mean(axis=0)
-    a, b = points_m - here, world_m - there
-    angle = np.arctan2((a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]).sum(), (a * b).sum())
-    cos, sin = np.cos(angle), np.sin(angle)
-    shift = there - [cos * here[0] - sin * here[1], sin * here[0] + cos * here[1]]
-    return np.array([*shift, angle])
+def _flat_pose(x_m: float, y_m: float, angle_rad: float) -> Pose:
+    """A board lying on the floor."""
+    return np.array([x_m, y_m, THICKNESS_M]), _rotation(np.array([0.0, 0.0, angle_rad]))
 
 
-def _flat_pose(x_m: float, y_m: float, angle_rad: float) -> tuple[FloatArray, FloatArray]:
-    """Position of the face's middle and rotation of a board lying on the floor."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    rotation = np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
-    return np.array([x_m, y_m, THICKNESS_M]), rotation
-
-
-def _held_poses(
-    camera: CameraModel, rng: np.random.Generator
-) -> list[tuple[FloatArray, FloatArray]]:
+def _held_poses(camera: CameraModel, rng: np.random.Generator) -> list[Pose]:
     """Poses that carry the board's middle over a grid of the picture, tilted at random."""
-    columns, rows = 4, 3
-    poses = []
+    columns, rows = HELD_GRID
+    size, poses = (camera.width_px, camera.height_px), []
     for i in range(HELD_VIEWS):
         column, row = i % columns, (i // columns) % rows
-        pixel = np.array(
-            [
-                (0.18 + 0.64 * column / (columns - 1)) * camera.width_px,
-                (0.2 + 0.6 * row / (rows - 1)) * camera.height_px,
-            ]
-        )
+        share = np.array([0.18 + 0.64 * column / (columns - 1), 0.2 + 0.6 * row / (rows - 1)])
         height = rng.uniform(*HEIGHT_M)
-        middle = camera.to_plane(pixel, height)
-        spin, lean, tilt = (
-            rng.uniform(-0.5, 0.5),
-            rng.uniform(-np.pi, np.pi),
-            rng.uniform(*TILT_RAD),
-        )
-        axis = tilt * np.array([np.cos(lean), np.sin(lean), 0.0])
-        rotation = cv2.Rodrigues(axis)[0] @ cv2.Rodrigues(np.array([0.0, 0.0, spin]))[0]
-        poses.append((np.array([*middle, height]), np.asarray(rotation)))
+        middle = camera.to_plane(share * size, height)
+        spin, lean = rng.uniform(-0.5, 0.5), rng.uniform(-np.pi, np.pi)
+        tilt = rng.uniform(*TILT_RAD) * np.array([np.cos(lean), np.sin(lean), 0.0])
+        rotation = _rotation(tilt) @ _rotation(np.array([0.0, 0.0, spin]))
+        poses.append((np.array([*middle, height]), rotation))
     return poses

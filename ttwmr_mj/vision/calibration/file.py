@@ -3,16 +3,29 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration
 from ttwmr_mj.vision.camera.model import CameraModel
 
-ORTHONORMAL_TOLERANCE = 1e-6
+SHAPES: dict[str, tuple[int, ...]] = {
+    "image_width": (),
+    "image_height": (),
+    "camera_matrix": (3, 3),
+    "distortion_coefficients": (1, 5),
+    "rotation_world_to_camera": (3, 3),
+    "camera_position_m": (1, 3),
+    "reprojection_rms_px": (),
+    "floor_rms_px": (),
+    "views": (),
+}
+COUNTS = ("image_width", "image_height", "views")
+ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
 FIX = "write a fresh one with `ttwmr calibrate`"
 
 
@@ -23,20 +36,24 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         InputError: the file cannot be written.
     """
     camera = calibration.camera
+    values: tuple[Any, ...] = (
+        camera.width_px,
+        camera.height_px,
+        camera.matrix,
+        camera.distortion.reshape(1, -1),
+        camera.rotation,
+        camera.position_m.reshape(1, -1),
+        calibration.reprojection_rms_px,
+        calibration.floor_rms_px,
+        calibration.views,
+    )
     storage = None
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_FORMAT_YAML)
         if not storage.isOpened():
             raise InputError(f"{path}: cannot be written; does its folder exist?")
-        storage.write("image_width", camera.width_px)
-        storage.write("image_height", camera.height_px)
-        storage.write("camera_matrix", camera.matrix)
-        storage.write("distortion_coefficients", camera.distortion.reshape(1, -1))
-        storage.write("rotation_world_to_camera", camera.rotation)
-        storage.write("camera_position_m", camera.position_m.reshape(1, -1))
-        storage.write("reprojection_rms_px", calibration.reprojection_rms_px)
-        storage.write("floor_rms_px", calibration.floor_rms_px)
-        storage.write("views", calibration.views)
+        for key, value in zip(SHAPES, values, strict=True):
+            storage.write(key, value)
     except cv2.error as error:
         raise InputError(f"{path}: cannot be written: {error.err}") from error
     finally:
@@ -56,13 +73,14 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
     """
     if not path.is_file():
         raise InputError(f"{path}: no such calibration file; {FIX}")
+    unreadable = InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}")
     try:
         storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
     except (cv2.error, SystemError) as error:
-        raise InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}") from error
+        raise unreadable from error
     try:
         if not storage.isOpened():
-            raise InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}")
+            raise unreadable
         calibration = _read(storage, path)
     except cv2.error as error:
         raise InputError(f"{path}: damaged: {error.err}; {FIX}") from error
@@ -78,52 +96,38 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
 
 
 def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
-    matrix = _matrix(storage, path, "camera_matrix", (3, 3))
-    rotation = _matrix(storage, path, "rotation_world_to_camera", (3, 3))
+    value = {key: _value(storage.getNode(key), key, path) for key in SHAPES}
+    matrix, rotation = value["camera_matrix"], value["rotation_world_to_camera"]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE):
-        raise InputError(f"{path}: rotation_world_to_camera is no rotation; {FIX}")
+        raise _fault(path, "rotation_world_to_camera", problem="is not a rotation")
     if min(matrix[0, 0], matrix[1, 1]) <= 0:
-        raise InputError(f"{path}: camera_matrix has a focal length that is not positive; {FIX}")
+        raise _fault(path, "camera_matrix", problem="has a focal length that is not positive")
     camera = CameraModel(
-        width_px=_whole(storage, path, "image_width"),
-        height_px=_whole(storage, path, "image_height"),
-        focal_px=matrix[[0, 1], [0, 1]].copy(),
+        width_px=int(value["image_width"]),
+        height_px=int(value["image_height"]),
+        focal_px=matrix[[0, 1], [0, 1]],
         principal_px=matrix[:2, 2].copy(),
-        distortion=_matrix(storage, path, "distortion_coefficients", (1, 5)).ravel(),
+        distortion=value["distortion_coefficients"].ravel(),
         rotation=rotation,
-        position_m=_matrix(storage, path, "camera_position_m", (1, 3)).ravel(),
+        position_m=value["camera_position_m"].ravel(),
     )
-    rms, floor = (_number(storage, path, key) for key in ("reprojection_rms_px", "floor_rms_px"))
-    return Calibration(camera, rms, floor, _whole(storage, path, "views"))
+    rms, floor = float(value["reprojection_rms_px"]), float(value["floor_rms_px"])
+    return Calibration(camera, rms, floor, int(value["views"]))
 
 
-def _node(storage: cv2.FileStorage, path: Path, key: str) -> cv2.FileNode:
-    node = storage.getNode(key)
+def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
+    """A number or matrix of the shape that the key must have, finite."""
     if node.empty():
-        raise InputError(f"{path}: lacks the key {key}; {FIX}")
-    return node
+        raise _fault(path, key, problem="is missing")
+    content = node.real() if node.isReal() or node.isInt() else node.mat()
+    if content is None or np.shape(content) != SHAPES[key] or not np.isfinite(content).all():
+        got = "no number or matrix" if content is None else f"shape {np.shape(content)}"
+        allowed = f"finite numbers of shape {SHAPES[key]}"
+        raise _fault(path, key, got=got, allowed=allowed)
+    if key in COUNTS and not (content >= 1 and float(content).is_integer()):
+        raise _fault(path, key, got=f"{content:g}", allowed="a whole number from 1")
+    return np.array(content, dtype=np.float64)
 
 
-def _matrix(storage: cv2.FileStorage, path: Path, key: str, shape: tuple[int, int]) -> FloatArray:
-    value = _node(storage, path, key).mat()
-    if value is None or np.shape(value) != shape or not np.isfinite(value).all():
-        got = "no matrix" if value is None else f"shape {np.shape(value)}"
-        raise InputError(
-            f"{path}: {key} has {got} or values that are not finite, allowed: a finite matrix of "
-            f"shape {shape}; {FIX}"
-        )
-    return np.array(value, dtype=np.float64)
-
-
-def _number(storage: cv2.FileStorage, path: Path, key: str) -> float:
-    node = _node(storage, path, key)
-    if not (node.isReal() or node.isInt()) or not np.isfinite(node.real()):
-        raise InputError(f"{path}: {key} is not a finite number; {FIX}")
-    return float(node.real())
-
-
-def _whole(storage: cv2.FileStorage, path: Path, key: str) -> int:
-    number = _number(storage, path, key)
-    if number != int(number) or number < 1:
-        raise InputError(f"{path}: {key} = {number:g}, allowed: a whole number from 1; {FIX}")
-    return int(number)
+def _fault(path: Path, key: str, **words: Any) -> InputError:
+    return InputError(Fault(key=(key,), hint=FIX, **words), file=str(path))

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.options import Delivery
+from ttwmr_mj.vision.camera.options import Delivery
 
 
 class DeliveryFaults:

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+from numpy.typing import NDArray
+
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.renderer import Image
+
+Image = NDArray[np.uint8]
 
 BACKGROUND, TRACTOR_CLASS, TRAILER_CLASS, FIRST_LABEL_CLASS = 0, 1, 2, 3
 OCCLUDER_CLASS = FIRST_LABEL_CLASS + 4

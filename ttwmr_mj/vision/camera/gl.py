@@ -1,14 +1,67 @@
-"""An OpenGL context to render into, whatever MUJOCO_GL said when MuJoCo was imported."""
+"""An OpenGL context to render into, whatever MUJOCO_GL said when MuJoCo was imported.
+
+MuJoCo reads MUJOCO_GL when it is imported, and with a value whose libraries are missing the import
+itself fails. So backends are tried in processes of their own, nothing here sets the variable for
+this process, and runs without a camera never need it.
+"""
 
 from __future__ import annotations
 
 import importlib
 import os
+import subprocess
+import sys
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from ttwmr_mj.errors import MachineError
-from ttwmr_mj.vision.camera.backend import BACKENDS, DEBIAN_PACKAGES, find_backend, probe
+
+BACKENDS = ("egl", "osmesa", "glfw")
+DEBIAN_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
+_TRY = """
+import mujoco
+context = mujoco.GLContext(64, 64)
+context.make_current()
+from OpenGL import GL
+print(GL.glGetString(GL.GL_RENDERER).decode())
+context.free()
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """One backend's test.
+
+    Attributes:
+        backend: value for MUJOCO_GL.
+        renderer: what draws, as OpenGL names it; None when the backend does not work.
+        fault: the last line of the failure; empty when it works.
+    """
+
+    backend: str
+    renderer: str | None
+    fault: str
+
+
+@cache
+def probe(backend: str) -> Probe:
+    """Make an offscreen context with one backend, in a fresh process."""
+    try:
+        done = subprocess.run(
+            [sys.executable, "-c", _TRY],
+            env={**os.environ, "MUJOCO_GL": backend},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    except subprocess.TimeoutExpired:
+        return Probe(backend, None, "timed out after 60 s")
+    if done.returncode == 0:
+        return Probe(backend, done.stdout.strip(), "")
+    last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
+    return Probe(backend, None, last)
 
 
 @cache
@@ -19,14 +72,16 @@ def chosen_backend() -> str:
         MachineError: none works.
     """
     asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    backend = asked if asked in BACKENDS else find_backend()
-    if backend is None:
-        tried = "; ".join(f"{name}: {probe(name).fault}" for name in BACKENDS)
-        raise MachineError(
-            f"no OpenGL to render camera frames with ({tried}). Install the software renderer: "
-            f"apt-get install {' '.join(DEBIAN_PACKAGES)}; runs with truth sensing need none"
-        )
-    return backend
+    if asked in BACKENDS:
+        return asked
+    for name in BACKENDS:
+        if probe(name).renderer is not None:
+            return name
+    tried = "; ".join(f"{name}: {probe(name).fault}" for name in BACKENDS)
+    raise MachineError(
+        f"no OpenGL to render camera frames with ({tried}). Install the software renderer: "
+        f"apt-get install {' '.join(DEBIAN_PACKAGES)}; runs with truth sensing need none"
+    )
 
 
 def make_context() -> Any:
@@ -48,7 +103,7 @@ def make_context() -> Any:
         context.make_current()
     except Exception as error:  # each backend has its own exceptions, none has a common base
         raise MachineError(
-            f"OpenGL backend {backend} fails: {error}. Try MUJOCO_GL= one of "
+            f"OpenGL backend {backend} fails: {error}. Set MUJOCO_GL to one of "
             f"{', '.join(BACKENDS)}, or apt-get install {' '.join(DEBIAN_PACKAGES)}"
         ) from error
     return context

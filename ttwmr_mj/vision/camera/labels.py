@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.options import LabelName
+from ttwmr_mj.vision.camera.options import LabelName
 
 NAMES: tuple[LabelName, ...] = get_args(LabelName)
 TRACTOR, TRAILER = 0, 1

@@ -6,8 +6,9 @@ import cv2
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.renderer import Image, Region
+from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.model import DISTORTION, CameraModel
+from ttwmr_mj.vision.camera.region import Region
 
 FOLD_PX = 1e-3  # distortion undone and done again leads back to the same pixel
 
@@ -33,10 +34,11 @@ class LensMap:
         pixel = np.stack([column, row], axis=-1).astype(np.float64)
         tangent = camera.to_tangents(pixel)
         if not np.abs(camera.to_pixels(tangent) - pixel).max() < FOLD_PX:
-            raise InputError(
-                f"camera.lens: distortion {camera.distortion.tolist()} (k1, k2, p1, p2, k3) folds "
-                "the picture: pixels near its border see no single ray. Allowed: weaker "
-                "coefficients, or a longer focal length"
+            raise InputError.at(
+                "sensing.camera.lens",
+                "this distortion folds the picture: pixels near its border see no single ray",
+                got=", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion)),
+                allowed="weaker coefficients, or a longer focal length",
             )
         fine = tangent * self.focal_px
         self._u, self._v = fine[..., 0].astype(np.float32), fine[..., 1].astype(np.float32)
@@ -66,30 +68,23 @@ class LensMap:
 
     def source(self, rows: slice, columns: slice) -> Region:
         """The region of fine pixels needed for a window of the sensor, defocus included."""
-        reach = self.margin_px
-        height, width = self._u.shape
-        grown = slice(max(rows.start - reach, 0), min(rows.stop + reach, height))
-        return self._source(
-            grown, slice(max(columns.start - reach, 0), min(columns.stop + reach, width))
-        )
+        return self._source(*self._grown(rows, columns, self.margin_px))
 
     def expose(self, fine: Image, region: Region, rows: slice, columns: slice) -> Image:
         """What a window of the sensor sees of a region, (rows, columns, 3) as `fine`.
 
         Averages over a sensor pixel's area, then over the lens's blur.
         """
-        reach = self.margin_px if self._defocus_px else 0
-        top, left = max(rows.start - reach, 0), max(columns.start - reach, 0)
-        bottom, right = rows.stop + reach, columns.stop + reach
+        window = self._grown(rows, columns, self.margin_px if self._defocus_px else 0)
         # the average of an even number lies between two pixels; OpenCV keeps it at the later
         late = 0.5 * (self._supersampling % 2 == 0)
-        u = self._u[top:bottom, left:right] - np.float32(region.left + 0.5 - late)
-        v = self._v[top:bottom, left:right] - np.float32(region.top + 0.5 - late)
+        u = self._u[window] - np.float32(region.left + 0.5 - late)
+        v = self._v[window] - np.float32(region.top + 0.5 - late)
         averaged = cv2.blur(fine, (self._supersampling, self._supersampling))
         seen = cv2.remap(averaged, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         if self._defocus_px:
             seen = cv2.GaussianBlur(seen, (0, 0), self._defocus_px)
-        row, column = rows.start - top, columns.start - left
+        row, column = rows.start - window[0].start, columns.start - window[1].start
         height, width = rows.stop - rows.start, columns.stop - columns.start
         return np.asarray(seen[row : row + height, column : column + width])
 
@@ -99,12 +94,14 @@ class LensMap:
         v = self._v[rows, columns] - np.float32(region.top + 0.5)
         return np.asarray(cv2.remap(fine, u, v, cv2.INTER_NEAREST))
 
-    def _source(self, rows: slice, columns: slice) -> Region:
-        u, v = self._u[rows, columns], self._v[rows, columns]
-        reach = self._supersampling + 1
-        return Region(
-            int(np.floor(u.min())) - reach,
-            int(np.floor(v.min())) - reach,
-            int(np.ceil(u.max())) + reach,
-            int(np.ceil(v.max())) + reach,
+    def _grown(self, rows: slice, columns: slice, reach: int) -> tuple[slice, slice]:
+        """A window with so many pixels more on every side, as far as the sensor goes."""
+        height, width = self._u.shape
+        return (
+            slice(max(rows.start - reach, 0), min(rows.stop + reach, height)),
+            slice(max(columns.start - reach, 0), min(columns.stop + reach, width)),
         )
+
+    def _source(self, rows: slice, columns: slice) -> Region:
+        reach = self._supersampling + 1
+        return Region.around(self._u[rows, columns], self._v[rows, columns], reach)

@@ -13,10 +13,11 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.options import CameraOptions, Lens
+from ttwmr_mj.vision.camera.options import CameraOptions
 
 # OpenCV stops after five steps unless told
 UNTIL_CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-13)
+DISTORTION = ("k1", "k2", "p1", "p2", "k3")  # OpenCV's order
 _UNIT = np.eye(3)
 
 
@@ -82,23 +83,17 @@ class CameraModel:
         return float(depth / np.sqrt(self.focal_px[0] * self.focal_px[1]))
 
 
-def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> None:
-    """Move a scene's camera to the height the options ask for, if they do.
-
-    Raises:
-        KeyError: the scene has no camera of that name.
-    """
-    if options.height_m is not None:
-        model.cam_pos[model.camera(options.name).id, 2] = options.height_m
-
-
-def true_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
+def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     """The camera of a scene as it really is, with this lens.
+
+    It is moved to the height that the options ask for, if they do.
 
     Raises:
         KeyError: the scene has no camera of that name.
     """
     camera = model.camera(options.name)
+    if options.height_m is not None:
+        camera.pos[2] = options.height_m
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     axes = data.cam_xmat[camera.id].reshape(3, 3)
@@ -109,15 +104,10 @@ def true_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
         height_px=options.height_px,
         focal_px=np.array([focal, focal]),
         principal_px=0.5 * (size - 1.0) + options.lens.principal_offset_px,
-        distortion=coefficients(options.lens),
+        distortion=np.array([getattr(options.lens, name) for name in DISTORTION]),
         rotation=np.diag([1.0, -1.0, -1.0]) @ axes.T,
         position_m=np.array(data.cam_xpos[camera.id]),
     )
-
-
-def coefficients(lens: Lens) -> FloatArray:
-    """(5,) k1, k2, p1, p2, k3 in OpenCV's order."""
-    return np.array([lens.k1, lens.k2, lens.p1, lens.p2, lens.k3])
 
 
 def distort(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:

@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.renderer import Image
-from ttwmr_mj.vision.options import Noise
+from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.options import Noise
 
 FULL_SCALE = 255.0
 STRIP_ROWS = 32  # of the picture at a time: what is computed on the way stays in the cache

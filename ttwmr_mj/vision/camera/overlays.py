@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.frame import OCCLUDER_CLASS
+from ttwmr_mj.vision.camera.frame import OCCLUDER_CLASS, Image
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.renderer import Image
-from ttwmr_mj.vision.options import Distractor, Glare, Occluder
+from ttwmr_mj.vision.camera.options import Distractor, Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
 SUBPIXEL_BITS = 4

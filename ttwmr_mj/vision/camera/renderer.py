@@ -8,7 +8,7 @@ same bits as that part of a whole picture: a robot costs a sixth of a frame.
 from __future__ import annotations
 
 import weakref
-from typing import Any, NamedTuple
+from typing import Any
 
 import cv2
 import mujoco
@@ -16,29 +16,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.gl import make_context
+from ttwmr_mj.vision.camera.region import Region
 
-Image = NDArray[np.uint8]
 IdImage = NDArray[np.int32]
 
 TILE_PX = 512  # side of the offscreen buffer; clearing a larger one costs more than drawing
 MAX_GEOMS = 2000
 STATIC_GROUPS = (0, 1)  # floor and walls
 ROBOT_GROUP = 2  # what is seen of the robot; collision shapes are in group 3
-
-
-class Region(NamedTuple):
-    """Fine pixels left ≤ u < right, top ≤ v < bottom, counted from the optical axis."""
-
-    left: int
-    top: int
-    right: int
-    bottom: int
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
-        return self.bottom - self.top, self.right - self.left
 
 
 class RegionRenderer:
@@ -95,24 +82,27 @@ class RegionRenderer:
         depth = -back - self._radii  # where a sphere's silhouette lies at the latest
         u, v = self._focal_px * right / -back, self._focal_px * -up / -back
         reach = self._focal_px * self._radii / depth + margin
-        return Region(
-            int(np.floor((u - reach).min())),
-            int(np.floor((v - reach).min())),
-            int(np.ceil((u + reach).max())),
-            int(np.ceil((v + reach).max())),
-        )
+        return Region.around(np.stack([u - reach, u + reach]), np.stack([v - reach, v + reach]))
 
     def robot(self, region: Region) -> Image:
         """The robot alone before black, (rows, columns, 3) BGR."""
-        return self._picture(region, (ROBOT_GROUP,))
+        self._show(ROBOT_GROUP)
+        return self._tiles(region)
+
+    def robot_on(self, floor: Image, region: Region) -> Image:
+        """The robot before a picture of the region, which shows where no lit surface is."""
+        robot = self.robot(region)
+        beside = cv2.inRange(robot, (0, 0, 0), (0, 0, 0))
+        return np.asarray(cv2.copyTo(floor, beside, robot))
 
     def static(self, region: Region) -> Image:
         """Everything but the robot, (rows, columns, 3) BGR."""
-        return self._picture(region, STATIC_GROUPS)
+        self._show(*STATIC_GROUPS)
+        return self._tiles(region)
 
     def robot_ids(self, region: Region) -> IdImage:
         """Geom id of what is seen of the robot, (rows, columns); −1 beside it."""
-        self._show((ROBOT_GROUP,))
+        self._show(ROBOT_GROUP)
         flags = self._scene.flags
         flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
         code = self._tiles(region).astype(np.int32)
@@ -124,11 +114,7 @@ class RegionRenderer:
                 ids[geom.segid + 1] = geom.objid
         return np.asarray(ids[number])
 
-    def _picture(self, region: Region, groups: tuple[int, ...]) -> Image:
-        self._show(groups)
-        return self._tiles(region)
-
-    def _show(self, groups: tuple[int, ...]) -> None:
+    def _show(self, *groups: int) -> None:
         self._option.geomgroup[:] = 0
         self._option.geomgroup[list(groups)] = 1
         everything = mujoco.mjtCatBit.mjCAT_ALL
@@ -142,15 +128,9 @@ class RegionRenderer:
         picture = np.empty((*region.shape, 3), dtype=np.uint8)
         for top in range(region.top, region.bottom, TILE_PX):
             for left in range(region.left, region.right, TILE_PX):
-                tile = Region(
-                    left,
-                    top,
-                    min(left + TILE_PX, region.right),
-                    min(top + TILE_PX, region.bottom),
-                )
-                rows = slice(top - region.top, tile.bottom - region.top)
-                columns = slice(left - region.left, tile.right - region.left)
-                picture[rows, columns] = self._tile(tile)
+                right, bottom = min(left + TILE_PX, region.right), min(top + TILE_PX, region.bottom)
+                tile = Region(left, top, right, bottom)
+                picture[tile.within(region)] = self._tile(tile)
         return picture
 
     def _tile(self, tile: Region) -> Image:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import partial
+from functools import partial, reduce
 
 import cv2
 import mujoco
@@ -17,15 +17,17 @@ from ttwmr_mj.vision.camera.frame import (
     TRAILER_CLASS,
     Frame,
     FrameTruth,
+    Image,
 )
 from ttwmr_mj.vision.camera.labels import COUNT, NAMES, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
-from ttwmr_mj.vision.camera.model import CameraModel, hang_camera, true_camera
+from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
+from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
 from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, draw_distractor
 from ttwmr_mj.vision.camera.posture import Posture
-from ttwmr_mj.vision.camera.renderer import Image, Region, RegionRenderer
-from ttwmr_mj.vision.options import CameraOptions, Distractor, FadedLabel
+from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.renderer import RegionRenderer
 
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
 FLOOR_HALF_SIZE_M = 5.0  # an infinite floor costs 1 ms a picture
@@ -64,8 +66,7 @@ class VirtualCamera:
         self._options = options
         self.model = copy(model)
         self.layout = read_layout(self.model)
-        hang_camera(self.model, options)
-        self.true: CameraModel = true_camera(self.model, options)
+        self.true: CameraModel = hang_camera(self.model, options)
         self.posture = Posture(self.model)
         _simplify_for_drawing(self.model)
         for faded in options.faults.faded:
@@ -180,31 +181,17 @@ class VirtualCamera:
 
     def _region(self, instants: list[FloatArray]) -> Region:
         """Where the robot is during the exposure."""
-        ends = []
-        for instant in sorted({0, len(instants) - 1}):
-            self._renderer.place(instants[instant])
-            ends.append(self._renderer.robot_region(self._options.supersampling))
-        first, last = ends[0], ends[-1]
-        return Region(
-            min(first.left, last.left),
-            min(first.top, last.top),
-            max(first.right, last.right),
-            max(first.bottom, last.bottom),
-        )
+        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
+        return reduce(Region.union, map(self._robot_region, ends))
+
+    def _robot_region(self, qpos: FloatArray) -> Region:
+        self._renderer.place(qpos)
+        return self._renderer.robot_region(self._options.supersampling)
 
     def _picture(self, region: Region, qpos: FloatArray) -> Image:
         """The robot on its floor at one instant, in fine pixels."""
         self._renderer.place(qpos)
-        return self._on_floor(self._renderer.robot(region), region)
-
-    def _on_floor(self, robot: Image, region: Region) -> Image:
-        """The robot's picture with the floor where it is black, which no lit surface is."""
-        whole = self._lens.whole
-        top, left = region.top - whole.top, region.left - whole.left
-        rows, columns = region.shape
-        floor = self._floor[top : top + rows, left : left + columns]
-        beside = cv2.inRange(robot, (0, 0, 0), (0, 0, 0))
-        return np.asarray(cv2.copyTo(floor, beside, robot))
+        return self._renderer.robot_on(self._floor[region.within(self._lens.whole)], region)
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""

@@ -13,11 +13,11 @@ from ttwmr_mj.dynamics.servo import limit_speed, ramp
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
-MEMORY_S = 5.0
+MEMORY_S = 5.0  # much longer than a frame or its successor may be on its way
 
 
-class Stretch(NamedTuple):
-    """A stretch of time in which the commanded twist changes linearly."""
+class TwistRamp(NamedTuple):
+    """A time in which the commanded twist (u1 [m/s], u2 [rad/s]) changes linearly."""
 
     duration_s: float
     u1_start: float
@@ -40,7 +40,7 @@ class CommandHistory:
         self._twists: list[tuple[float, float]] = [(0.0, 0.0)]
 
     def roll(self, wheel_speed_rad_s: FloatArray) -> None:
-        """Say that the wheels (right, left) turn already; for a start in motion."""
+        """Say that the wheels (right, left) are turning already; for a start in motion."""
         self._setpoint = np.array(wheel_speed_rad_s, dtype=np.float64).reshape(1, 2)
         self._twists[-1] = self._twist(self._setpoint)
 
@@ -70,7 +70,7 @@ class CommandHistory:
         (a1, a2), (b1, b2) = twists[i - 1], twists[i]
         return a1 + share * (b1 - a1), a2 + share * (b2 - a2)
 
-    def stretches(self, start_s: float, end_s: float) -> Iterator[Stretch]:
+    def ramps(self, start_s: float, end_s: float) -> Iterator[TwistRamp]:
         """The commanded twist between two times, in order; nothing where end is not later."""
         time, (u1, u2) = start_s, self.twist(start_s)
         inner = self._times[bisect_right(self._times, start_s) :]
@@ -78,7 +78,7 @@ class CommandHistory:
             until = min(float(knot), end_s)
             if until > time:
                 end1, end2 = self.twist(until)
-                yield Stretch(until - time, u1, u2, end1, end2)
+                yield TwistRamp(until - time, u1, u2, end1, end2)
                 time, u1, u2 = until, end1, end2
             if until >= end_s:
                 return

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
-from ttwmr_mj.vision.camera.renderer import Image
 from ttwmr_mj.vision.tracking.restoration import (
     Response,
     blobs,

@@ -11,7 +11,7 @@ import numpy as np
 
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
-from ttwmr_mj.vision.tracking.motion import Belief
+from ttwmr_mj.vision.tracking.motion import Gaussian
 from ttwmr_mj.vision.tracking.pose import label_jacobian
 
 
@@ -29,14 +29,14 @@ class Innovation(NamedTuple):
 
 
 def update(
-    prior: Belief,
+    prior: Gaussian,
     points_m: FloatArray,
     found: BoolArray,
     layout: LabelLayout,
     noise_m2: float,
     gate_chi2: float,
-) -> tuple[Belief, Innovation]:
-    """Work label positions into a belief.
+) -> tuple[Gaussian, Innovation]:
+    """Work label positions into the state.
 
     Args:
         prior: at the time of the frame.
@@ -61,7 +61,7 @@ def update(
     solved = np.linalg.solve(spread, np.column_stack([cross.T, difference]))
     gain = solved[:, :-1].T
     covariance = prior.covariance - gain @ cross.T
-    posterior = Belief(
+    posterior = Gaussian(
         prior.time_s, prior.mean + gain @ difference, 0.5 * (covariance + covariance.T)
     )
     return posterior, Innovation(used, float(difference @ solved[:, -1]))

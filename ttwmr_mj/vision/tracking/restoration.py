@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.state import BoolArray, FloatArray
-from ttwmr_mj.vision.camera.renderer import Image
+from ttwmr_mj.vision.camera.frame import Image
 
 Response = NDArray[np.float32]
 

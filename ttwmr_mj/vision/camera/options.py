@@ -1,0 +1,187 @@
+"""What the camera is and what goes wrong with it: every part can be switched on by itself.
+
+Light is a share of the sensor's full scale, so 0.02 of noise is 2 %, or 5 of 255 grey levels.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, TypeVar
+
+from pydantic import Field
+
+from ttwmr_mj.robot import Config
+
+T = TypeVar("T")
+# TOML has arrays where Python has tuples; their elements stay strict
+Several = Annotated[tuple[T, ...], Field(strict=False)]
+Pair = Annotated[tuple[float, float], Field(strict=False)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
+END_S = 3600.0  # an hour: longer than any run
+
+
+class Lens(Config):
+    """Brown-Conrady distortion, where the optical axis meets the sensor, and focus."""
+
+    k1: float = Field(
+        default=0.0, ge=-1, le=1, description="radial, r²; a barrel below 0, typically -0.1"
+    )
+    k2: float = Field(default=0.0, ge=-1, le=1, description="radial, r⁴; typically 0.05")
+    p1: float = Field(default=0.0, ge=-0.1, le=0.1, description="tangential; typically 0.0005")
+    p2: float = Field(default=0.0, ge=-0.1, le=0.1, description="tangential; typically 0.0005")
+    k3: float = Field(default=0.0, ge=-1, le=1, description="radial, r⁶; for wide lenses only")
+    principal_offset_px: Pair = Field(
+        default=(0.0, 0.0),
+        description="where the optical axis lies from the picture's centre: right, down; a few px",
+    )
+    defocus_px: float = Field(
+        default=0.0, ge=0, le=20, description="blur, Gaussian standard deviation; 0.5 is sharp"
+    )
+
+
+class Exposure(Config):
+    """How long the shutter is open; a frame's time is the middle of its exposure."""
+
+    exposure_s: float = Field(
+        default=0.0, ge=0, le=1, description="open shutter; 0: no motion blur, 0.008 in a lab"
+    )
+    blur_step_px: float = Field(
+        default=0.4,
+        gt=0,
+        le=10,
+        description="motion between two of the instants that are averaged into a blurred picture",
+    )
+
+
+class Noise(Config):
+    """What the electronics add."""
+
+    read_noise: Share = Field(
+        default=0.0, description="standard deviation at any light; typically 0.02"
+    )
+    shot_noise: Share = Field(
+        default=0.0,
+        description="standard deviation at full scale, proportional to the root of the light; "
+        "typically 0.01",
+    )
+    gain_drift: Share = Field(
+        default=0.0, description="standard deviation of the gain's slow drift; typically 0.02"
+    )
+    white_balance_drift: Share = Field(
+        default=0.0, description="the same for each colour channel by itself; typically 0.01"
+    )
+    drift_time_s: float = Field(
+        default=5.0, gt=0, le=END_S, description="correlation time of the drifts"
+    )
+
+
+class Window(Config):
+    """An interval of simulated time."""
+
+    start_s: float = Field(default=0.0, ge=0, le=END_S, description="begins at this time")
+    end_s: float = Field(default=END_S, ge=0, le=END_S, description="ends before this time")
+
+    def contains(self, time_s: float) -> bool:
+        """Whether a time lies in [start_s, end_s)."""
+        return self.start_s <= time_s < self.end_s
+
+
+class Occluder(Window):
+    """Something opaque between camera and floor: it crosses, or it rides above one half."""
+
+    over: Literal["path", "tractor", "trailer"] = Field(
+        default="path",
+        description="path: moves from from_m to to_m; else stays above that half's labels",
+    )
+    from_m: Pair = Field(default=(-1.0, 0.0), description="x, y in the label plane at start_s")
+    to_m: Pair = Field(default=(1.0, 0.0), description="x, y in the label plane at end_s")
+    diameter_m: float = Field(
+        default=0.25, gt=0, le=5, description="of the disc; 0.16 covers one half's labels"
+    )
+    grey: Share = Field(default=0.2, description="brightness; 0 black, 1 white")
+
+
+class Glare(Window):
+    """A bright spot with soft edges that washes colours out."""
+
+    position_px: Pair = Field(default=(320.0, 240.0), description="column, row of its centre")
+    radius_px: float = Field(
+        default=40.0, gt=0, le=1000, description="standard deviation of its Gaussian profile"
+    )
+    strength: float = Field(
+        default=1.0, ge=0, le=10, description="light added at the centre; from 1 on it saturates"
+    )
+
+
+class Distractor(Config):
+    """A disc on the floor that has a label's colour."""
+
+    colour_of: LabelName = Field(default="tractor_front", description="whose colour it has")
+    position_m: Pair = Field(default=(0.7, 0.5), description="x, y on the floor")
+    diameter_m: float = Field(default=0.036, gt=0, le=1, description="a label measures 0.036")
+
+
+class FadedLabel(Config):
+    """A label bleached by the sun."""
+
+    label: LabelName = Field(description="which label")
+    fading: Share = Field(default=0.5, description="0 as new, 1 grey")
+
+
+class Delivery(Config):
+    """Frames that do not come, come again, or come late."""
+
+    dropped: Share = Field(default=0.0, description="share of frames lost; 0.2 is a bad link")
+    frozen: Share = Field(
+        default=0.0, description="share of frames that show the previous picture once more"
+    )
+    late: Share = Field(default=0.0, description="share of frames that come late")
+    late_periods: int = Field(
+        default=1, ge=1, le=30, description="how late they come, in control periods"
+    )
+    blackouts: Several[Window] = Field(default=(), description="intervals without any frame")
+
+
+class Faults(Config):
+    """What goes wrong; each kind is absent unless it is given."""
+
+    delivery: Delivery = Delivery()
+    occluders: Several[Occluder] = ()
+    glare: Several[Glare] = ()
+    distractors: Several[Distractor] = ()
+    faded: Several[FadedLabel] = ()
+
+
+class CameraOptions(Config):
+    """The overhead camera with its sensor model."""
+
+    name: str = Field(default="overhead", description="the camera's name in the scene file")
+    height_m: float | None = Field(
+        default=None,
+        gt=0.2,
+        le=20,
+        description="above the floor; left out: as in the scene file, which says 1.9",
+    )
+    width_px: int = Field(default=640, ge=64, le=4096, description="columns of the picture")
+    height_px: int = Field(default=480, ge=64, le=4096, description="rows of the picture")
+    supersampling: Literal[1, 2, 3, 4, 5] = Field(
+        default=3, description="rendered pixels along one sensor pixel; time grows with its square"
+    )
+    lens: Lens = Lens()
+    exposure: Exposure = Exposure()
+    noise: Noise = Noise()
+    faults: Faults = Faults()
+
+
+LAB_LENS = Lens(
+    k1=-0.12, k2=0.05, p1=0.0006, p2=-0.0004, principal_offset_px=(3.2, -2.1), defocus_px=0.6
+)
+LAB_NOISE = Noise(read_noise=0.018, shot_noise=0.012, gain_drift=0.02, white_balance_drift=0.01)
+# two by two rendered pixels are enough behind its blur: P's rms error is 0.050 mm, not 0.043 mm
+# as with three by three (500 poses)
+LAB_CAMERA = CameraOptions(
+    supersampling=2,
+    lens=LAB_LENS,
+    exposure=Exposure(exposure_s=0.008, blur_step_px=0.75),
+    noise=LAB_NOISE,
+)

@@ -1,0 +1,73 @@
+"""What the tracker answers: what came of a frame, and where the robot is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.labels import COUNT
+
+
+class Status(StrEnum):
+    """What the tracker knows."""
+
+    TRACKED = "tracked"  # the last frame showed labels where they belong
+    BLIND = "blind"  # it did not, and the prediction stands in, for a short while
+    LOST = "lost"  # nothing is known; the whole of every frame is searched
+
+
+def no_labels() -> FloatArray:
+    """(4, 2) pixels of labels of which none is known: NaN."""
+    return np.full((COUNT, 2), np.nan)
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """What came of one frame.
+
+    Attributes:
+        time_s: of the frame.
+        found_px: (4, 2) centres that were used, NaN where none.
+        predicted_px: (4, 2) where they were looked for; NaN in a whole-frame search.
+        search_px: half the side of the search regions; NaN in a whole-frame search.
+        nis: normalised innovation squared of the labels used; NaN where the filter was not updated.
+    """
+
+    time_s: float
+    found_px: FloatArray
+    predicted_px: FloatArray
+    search_px: float = np.nan
+    nis: float = np.nan
+
+    @property
+    def labels(self) -> int:
+        """How many labels were used."""
+        return int(np.isfinite(self.found_px[:, 0]).sum())
+
+
+@dataclass(frozen=True, slots=True)
+class TrackEstimate:
+    """The tracker's answer for one instant.
+
+    Attributes:
+        time_s: the instant.
+        q: (4,) x, y, θ1, θ2, angles unwrapped.
+        q_rate: (4,) their rates.
+        covariance: (4, 4) of q.
+        valid: False while lost, or too uncertain.
+        status: tracked, blind or lost.
+        measurement_age_s: since the last frame with labels; infinite before the first.
+        labels: used in the newest frame; 0 when none has come.
+    """
+
+    time_s: float
+    q: FloatArray
+    q_rate: FloatArray
+    covariance: FloatArray
+    valid: bool
+    status: Status
+    measurement_age_s: float
+    labels: int
