@@ -125,7 +125,8 @@ class AnalyticPlant(BodilessPlant):
         """Turn the wheels as told, whatever the servo could do.
 
         Args:
-            stretches: what the wheels do; none longer than the plant's integration step.
+            stretches: what the wheels do, from their speeds now on; none longer than the plant's
+                integration step.
             end_rad_s: (nsim, 2) wheel speeds at their end.
         """
         motion = _Twists(

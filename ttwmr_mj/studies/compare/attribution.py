@@ -147,7 +147,7 @@ def attribute(
         measured += 0.5 * (removed + alone)
     higher = delta[names] - delta[frozenset()] - measured
     tables = {
-        quantity: _table(contributions, higher, delta[names], columns)
+        quantity: table(contributions, higher, delta[names], columns)
         for quantity, (columns, _) in QUANTITIES.items()
     }
     return Attribution(tuple(e.name for e in present), tables)
@@ -178,13 +178,20 @@ def _deviations(
     return found
 
 
-def _table(
+def table(
     contributions: dict[str, tuple[FloatArray, FloatArray]],
     higher: FloatArray,
     total: FloatArray,
     columns: list[int],
 ) -> tuple[Contribution, ...]:
-    """Rows of one quantity, given by its columns of δ (n, 4)."""
+    """The table of one quantity.
+
+    Args:
+        contributions: effect → alone and interaction over time, (n, 4) each.
+        higher: (n, 4) the higher interactions.
+        total: (n, 4) δ(all).
+        columns: of δ, that make the quantity.
+    """
     whole = total[:, columns]
     size = float(np.sqrt(np.mean((whole**2).sum(axis=1))))
 
