@@ -140,6 +140,22 @@ def test_the_residuals_are_small_and_have_the_right_signs() -> None:
     assert np.abs(residuals.trailer_torque_n_m).max() < 1e-4
 
 
+def test_what_the_hitch_stores_and_burns_is_in_the_account() -> None:
+    hitch = {"stiffness_n_m_rad": 0.02, "damping_n_m_s_rad": 5e-3}
+    run = run_contact(open_loop(*TURN, hitch=hitch))
+    q, rate = run.trajectory.q[:, 0], run.trajectory.q_rate[:, 0]
+    angle, speed = q[:, 3] - q[:, 2], rate[:, 3] - rate[:, 2]
+    # without the hitch's torque this much would be missing
+    assert 5e-3 * np.abs(speed).max() > 1e-3
+    assert 0.5 * 0.02 * angle[-1] ** 2 > 1e-5
+    residuals = Residuals.of(run)
+    assert np.abs(residuals.trailer_torque_n_m).max() < 1e-4
+    assert 0.0 < residuals.energy_lost_j[-1] < 1e-3
+    plain = Residuals.of(run_contact(open_loop(*TURN)))
+    # the floor takes what it took without spring and damper; the spring alone holds ten times that
+    assert residuals.energy_lost_j[-1] == pytest.approx(plain.energy_lost_j[-1], rel=0.1)
+
+
 def test_deviation_knows_ahead_from_aside() -> None:
     rows = replay_analytic(open_loop((0.5, 5.0, 5.0)), np.full((15, 2), 5.0))
     moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])

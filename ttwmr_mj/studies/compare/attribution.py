@@ -23,9 +23,6 @@ column adds up to the total, exactly. A negative contribution works against the 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,14 +33,13 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+from ttwmr_mj.studies.compare.replays import Progress, in_threads
 
 # The quantity's name, its columns of Deviation.q, its unit.
 QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
 
 EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
 LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +130,13 @@ def attribute(
     for name in (e.name for e in present):
         below, above = needs[name], names - needed_by[name]
         sets += [below, below | {name}, above, above - {name}]
-    delta = _deviations(scenario, commands, set(sets), progress)
+
+    def deviation(variant: Scenario) -> FloatArray:
+        contact = replay_contact(variant, commands)
+        return Deviation.between(contact, replay_analytic(variant, commands)).q
+
+    variants = {on: with_effects(scenario, on) for on in sorted(set(sets), key=sorted)}
+    delta = dict(zip(variants, in_threads(deviation, [*variants.values()], progress), strict=True))
     contributions = {}
     measured = np.zeros_like(delta[names])
     for effect in present:
@@ -151,31 +153,6 @@ def attribute(
         for quantity, (columns, _) in QUANTITIES.items()
     }
     return Attribution(tuple(e.name for e in present), tables)
-
-
-def _deviations(
-    scenario: Scenario,
-    commands: FloatArray,
-    sets: Iterable[frozenset[str]],
-    progress: Progress | None,
-) -> dict[frozenset[str], FloatArray]:
-    """Effects on → δ (n, 4), every run once, the longest first."""
-    variants = {on: with_effects(scenario, on) for on in sets}
-    order = sorted(variants, key=lambda on: (variants[on].plant.contact.timestep_s, sorted(on)))
-    work = np.array([1.0 / variants[on].plant.contact.timestep_s for on in order])
-
-    def deviation(on: frozenset[str]) -> FloatArray:
-        variant = variants[on]
-        contact = replay_contact(variant, commands)
-        return Deviation.between(contact, replay_analytic(variant, commands)).q
-
-    found: dict[frozenset[str], FloatArray] = {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for i, (on, q) in enumerate(zip(order, pool.map(deviation, order), strict=True)):
-            found[on] = q
-            if progress is not None:
-                progress(float(work[: i + 1].sum() / work.sum()))
-    return found
 
 
 def table(

@@ -16,7 +16,7 @@ class PhysicsRate:
     """A run of one simulation at its start and after each of n physics steps.
 
     Attributes:
-        time_s: (n + 1,).
+        time_s: (n + 1,) from zero.
         q, q_rate: (n + 1, 4) as in `RobotState`.
         wheel_speed_rad_s: (n + 1, 2) right, left.
         setpoint_rad_s: (n, 2) speeds the servos aim at, in the step that ends at time_s[1:].
@@ -62,7 +62,7 @@ class PhysicsRate:
         ends = np.concatenate([wheels[:1], between, wheels[-1:]])
         middles = wheels[1:].reshape(-1, every, 2)
         knots = np.concatenate([ends[:-1, None], middles, ends[1:, None]], axis=1)
-        duration_s = np.full((every + 1, 1), self.time_s[1] - self.time_s[0])
+        duration_s = np.full((every + 1, 1), self.time_s[1])
         duration_s[[0, -1]] *= 0.5
         rates = np.diff(knots, axis=1) / duration_s
         none = np.zeros((every + 1, 1, 2))

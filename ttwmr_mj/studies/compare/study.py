@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,11 +21,10 @@ from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
+from ttwmr_mj.studies.compare.replays import Progress
 
 SCHEMA_VERSION = 1
 UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,12 +127,12 @@ def _study(
     options: Options,
     progress: Progress | None,
 ) -> _Findings:
-    parts = _Parts(progress, options.attribute + options.converge + options.fit)
+    parts = _parts(progress, options.attribute + options.converge + options.fit)
     commands = pair.contact.commands
     return _Findings(
-        attribution=attribute(scenario, commands, parts.next()) if options.attribute else None,
-        convergence=converge(scenario, commands, parts.next()) if options.converge else None,
-        fit=fit(pair.contact, run_contact(unseen), parts.next()) if unseen else None,
+        attribution=attribute(scenario, commands, next(parts)) if options.attribute else None,
+        convergence=converge(scenario, commands, next(parts)) if options.converge else None,
+        fit=fit(pair.contact, run_contact(unseen), next(parts)) if unseen else None,
     )
 
 
@@ -224,16 +224,11 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     )
 
 
-class _Parts:
-    """Splits one progress bar evenly over several pieces of work."""
+def _parts(progress: Progress | None, count: int) -> Iterator[Progress | None]:
+    """One progress bar, split evenly over several pieces of work."""
 
-    def __init__(self, progress: Progress | None, count: int) -> None:
-        self._progress, self._count, self._started = progress, count, -1
+    def part(begin: int, share: float) -> None:
+        if progress is not None:
+            progress((begin + share) / count)
 
-    def next(self) -> Progress | None:
-        """The progress function of the next piece."""
-        self._started += 1
-        begin, progress, count = self._started, self._progress, self._count
-        if progress is None:
-            return None
-        return lambda share: progress((begin + share) / count)
+    return (partial(part, begin) for begin in range(count))

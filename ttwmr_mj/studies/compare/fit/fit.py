@@ -12,8 +12,7 @@ MuJoCo, and here the model is not MuJoCo's. `shooting` gives the run and its der
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.fit.shooting import Shooting
 from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
+from ttwmr_mj.studies.compare.replays import Progress
 
 # What a parameter is searched in: the size of a typical correction.
 SCALES = {
@@ -47,8 +47,6 @@ DIFFERENCES = {name: DIFFERENCE * size for name, size in SCALES.items()}
 EXPECTED_WITHIN = 1e4  # scales: so faint that it decides only where the data do not
 CONFIDENCE_95 = 1.96  # standard deviations
 MAX_STEP_S = 0.033  # Runge-Kutta's; the swing takes seconds
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,12 +115,7 @@ class Fit:
             for name, e in self.parameters.items()
         }
         gains = {
-            part: {
-                "scenario": gain.scenario,
-                "plain": gain.plain,
-                "fitted": gain.fitted,
-                "factor": gain.factor,
-            }
+            part: {**asdict(gain), "factor": gain.factor}
             for part, gain in (("training", self.training), ("validation", self.validation))
         }
         return {"parameters": parameters, **gains}
