@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ttwmr_mj.results.metrics import point_behind, score
+from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 

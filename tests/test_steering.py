@@ -15,9 +15,9 @@ from ttwmr_mj.cli.commands.run import Run
 from ttwmr_mj.cli.main import parse
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.results.metrics import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.run.experiment import Experiment

@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
@@ -20,12 +21,6 @@ from ttwmr_mj.state import FloatArray, wrap
 SETTLED_M = 0.01  # a run has settled when P stays this close to its reference until the end
 
 Metrics = dict[str, float | None]
-
-
-def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
-    """(..., 2) the trailer's point at P − distance·(cos θ2, sin θ2), for q (..., 4) [m]."""
-    theta2 = q[..., 3]
-    return q[..., :2] - distance_m * np.stack([np.cos(theta2), np.sin(theta2)], axis=-1)
 
 
 def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.metrics import point_behind
 from ttwmr_mj.run import build
 from ttwmr_mj.run.experiment import Experiment
 from ttwmr_mj.scenario.schema import OnReference, Scenario

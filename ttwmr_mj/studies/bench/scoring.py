@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.metrics import Metrics, point_behind, score
+from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row

@@ -44,8 +44,6 @@ def attribution_rows(report: dict[str, Any], quantity: str) -> list[tuple[str, s
 
     rows = []
     for name, row in report["attribution"][quantity].items():
-        if name == "present":
-            continue
         share = "" if row["share"] is None else f"{round(100 * row['share'], 1) + 0.0:.1f} %"
         rows.append(
             (
