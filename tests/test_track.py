@@ -97,7 +97,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("", ["track", "small.avi", "--calibration", "no.yaml"], "no such calibration file"),
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
-        ("", ["calibrate", "lab_circle"], "there is no camera to calibrate"),
+        ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
     ],
 )
 def test_bad_input_is_exit_code_2_with_what_to_do(

@@ -142,18 +142,20 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
         return TruthSensor(section, period, plant.nsim, rng)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.plants.mjcf import build_model
-    from ttwmr_mj.vision.setup import make_camera_sensor
+    from ttwmr_mj.vision.sensor import CameraSensor
+    from ttwmr_mj.vision.setup import find_calibration
 
+    calibration_rng, camera_rng = rng.spawn(2)
     contact = scenario.plant.contact
     scene = Path(contact.model_path) if contact.model_path else None
-    return make_camera_sensor(
+    return CameraSensor(
         section,
-        build_model(scenario.robot, contact, scene),
+        find_calibration(section, calibration_rng, folder).camera,
         scenario.robot,
-        rng,
-        folder,
+        build_model(scenario.robot, contact, scene),
         period_s=period,
         nsim=plant.nsim,
+        rng=camera_rng,
         joint_positions=plant.joint_positions,
         segmentation=scenario.output.save_frames,
     )

@@ -14,8 +14,8 @@ from ttwmr_mj.vision.camera.options import Distractor, Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
 SUBPIXEL_BITS = 4
-_TURN = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
-CIRCLE: FloatArray = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
+_ANGLE = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+CIRCLE: FloatArray = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=-1)
 
 
 def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> FloatArray:
@@ -59,29 +59,25 @@ class Occluders:
         self, image: Image, segmentation: Image | None, time_s: float, labels_m: FloatArray
     ) -> None:
         """Draw into the image and the segmentation, in place."""
-        for occluder in self._occluders:
-            if not occluder.contains(time_s):
-                continue
+        for occluder in self.at(time_s):
             centre = occluder_centre(occluder, time_s, labels_m)
-            outline = self._camera.project(
-                circle_points(centre, occluder.diameter_m, self._height_m)
-            )
+            circle = circle_points(centre, occluder.diameter_m, self._height_m)
+            outline = self._camera.project(circle)
             grey = 255.0 * occluder.grey
             fill(image, outline, (grey, grey, grey))
             if segmentation is not None:
                 fill(segmentation, outline, (float(OCCLUDER_CLASS),), smooth=False)
 
-    def any_at(self, time_s: float) -> bool:
-        """Whether any of them is there at a time."""
-        return any(occluder.contains(time_s) for occluder in self._occluders)
+    def at(self, time_s: float) -> list[Occluder]:
+        """Those that are there at a time."""
+        return [occluder for occluder in self._occluders if occluder.contains(time_s)]
 
     def hide(self, points_m: FloatArray, time_s: float, labels_m: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (..., 3), at the labels' height, are hidden."""
         hidden = np.zeros(points_m.shape[:-1], dtype=np.bool_)
-        for occluder in self._occluders:
-            if occluder.contains(time_s):
-                offset = points_m[..., :2] - occluder_centre(occluder, time_s, labels_m)
-                hidden |= (offset**2).sum(axis=-1) < (0.5 * occluder.diameter_m) ** 2
+        for occluder in self.at(time_s):
+            offset = points_m[..., :2] - occluder_centre(occluder, time_s, labels_m)
+            hidden |= (offset**2).sum(axis=-1) < (0.5 * occluder.diameter_m) ** 2
         return hidden
 
 

@@ -195,7 +195,7 @@ class VirtualCamera:
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
-        if not self._occluders.any_at(time_s) and self._well_inside(centres_px):
+        if not self._occluders.at(time_s) and self._well_inside(centres_px):
             return np.ones(COUNT)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
@@ -228,15 +228,12 @@ def _fade(model: mujoco.MjModel, faded: FadedLabel) -> None:
 
 def _classes(model: mujoco.MjModel) -> Image:
     """Class of every geom id, and of −1 in the last entry."""
-    trailer = model.body("trailer").id
-    classes = np.zeros(model.ngeom + 1, dtype=np.uint8)
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        if body == 0:
-            continue
-        while body not in (0, trailer):
-            body = int(model.body_parentid[body])
-        classes[geom] = TRAILER_CLASS if body == trailer else TRACTOR_CLASS
-    for i in range(COUNT):
-        classes[model.geom(f"label_{NAMES[i]}").id] = FIRST_LABEL_CLASS + i
+    of_body = np.zeros(model.nbody, dtype=np.uint8)
+    for body in range(1, model.nbody):  # parents come before their children
+        of_body[body] = of_body[model.body_parentid[body]] or TRACTOR_CLASS
+        if body == model.body("trailer").id:
+            of_body[body] = TRAILER_CLASS
+    classes = np.append(of_body[model.geom_bodyid], np.uint8(0))
+    for i, name in enumerate(NAMES):
+        classes[model.geom(f"label_{name}").id] = FIRST_LABEL_CLASS + i
     return classes
