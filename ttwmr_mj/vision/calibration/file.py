@@ -110,7 +110,8 @@ def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
     """A number or matrix of the shape that the key must have, finite."""
     if node.empty():
         raise _fault(path, key, problem="is missing")
-    content = node.real() if node.isReal() or node.isInt() else node.mat()
+    number = node.isReal() or node.isInt()
+    content = node.real() if number else node.mat() if node.isMap() else None
     if content is None or np.shape(content) != SHAPES[key] or not np.isfinite(content).all():
         got = "no number or matrix" if content is None else f"shape {np.shape(content)}"
         allowed = f"finite numbers of shape {SHAPES[key]}"
