@@ -153,12 +153,9 @@ def test_boards_of_known_pose_give_the_camera_back() -> None:
         return BoardView(board, true.project(points))
 
     rng = np.random.default_rng(0)
+    low, high = [-0.6, -0.4, 0.4], [0.6, 0.4, 1.0]
     held = [
-        view(
-            cv2.Rodrigues(rng.uniform(-0.5, 0.5, 3))[0],
-            rng.uniform([-0.6, -0.4, 0.4], [0.6, 0.4, 1]),
-        )
-        for _ in range(12)
+        view(cv2.Rodrigues(rng.uniform(-0.5, 0.5, 3))[0], rng.uniform(low, high)) for _ in range(12)
     ]
     flat = [
         view(cv2.Rodrigues(np.array([0.0, 0.0, angle]))[0], np.array([x, y, THICKNESS_M]))
