@@ -12,7 +12,6 @@ from test_compare import TURN, open_loop, run_commands
 from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.run.build import driven_robot
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.attribution import QUANTITIES, Attribution, Row, attribute
@@ -30,7 +29,7 @@ BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, Any]) -> Trajectory:
     """Commands (n, 2) on the extended plant; each parameter a number or one per simulation."""
     count = max(int(np.size(value)) for value in values.values())
-    model = ExtendedModel(driven_robot(scenario), values)
+    model = ExtendedModel(scenario.robot, values)
     step = scenario.plant.contact.timestep_s
     return replay(scenario, commands, ExtendedPlant(model, count, step, MAX_STEP_S))
 

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.lyapunov import Lyapunov, law, singular_term
-from ttwmr_mj.controllers.open_loop import OpenLoop
+from ttwmr_mj.controllers.lyapunov import Lyapunov, LyapunovOptions, law, singular_term
+from ttwmr_mj.controllers.open_loop import OpenLoop, OpenLoopOptions, WheelSegment
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.hybrid import acceleration_from_twist
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.circle import Circle
+from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.scenario.schema import LyapunovController, OpenLoopController, WheelSegment
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState
 
@@ -105,7 +104,7 @@ def test_zero_error_is_an_exact_equilibrium_of_the_sampled_loop() -> None:
     """On the circle, wheel speeds of constant difference keep P on the circle: no sampling bias."""
     circle = Circle(radius_m=1.0, angular_rate_rad_s=0.5, theta2="none")
     reference = circle.sample(PERIOD * np.arange(200))
-    controller = Lyapunov(LyapunovController(kind="lyapunov"))
+    controller = Lyapunov(LyapunovOptions(kind="lyapunov"))
     controller.start(Task(ROBOT, reference, PERIOD, 1, np.random.default_rng(0)))
     for k in range(150):
         q = np.concatenate([reference.position_m[k], reference.theta1_rad[k][:, None], [[0]]], 1)
@@ -117,7 +116,7 @@ def test_zero_error_is_an_exact_equilibrium_of_the_sampled_loop() -> None:
     assert u2 == pytest.approx(0.5, abs=1e-9)
 
 
-def lyapunov_rate(e: np.ndarray, rate: np.ndarray, options: LyapunovController) -> np.ndarray:
+def lyapunov_rate(e: np.ndarray, rate: np.ndarray, options: LyapunovOptions) -> np.ndarray:
     """V' of Eq. 34 for one axis."""
     v = law(np.stack([e, e], -1), np.stack([rate, rate], -1), np.zeros((*e.shape, 2)), options)
     return options.alpha1 * e * rate + options.alpha2 * rate * v[..., 0]
@@ -126,29 +125,29 @@ def lyapunov_rate(e: np.ndarray, rate: np.ndarray, options: LyapunovController) 
 def test_v_decreases_as_the_docstring_claims() -> None:
     rng = np.random.default_rng(0)
     e, rate = rng.uniform(-1, 1, (2, 1000))
-    omitted = LyapunovController(kind="lyapunov")
+    omitted = LyapunovOptions(kind="lyapunov")
     bound = -((omitted.alpha2 * rate) ** 2)
     assert lyapunov_rate(e, rate, omitted) == pytest.approx(bound, abs=1e-10)
-    regularized = LyapunovController(kind="lyapunov", singular_terms="regularized")
+    regularized = LyapunovOptions(kind="lyapunov", singular_terms="regularized")
     assert (lyapunov_rate(e, rate, regularized) <= bound + 1e-10).all()
-    published = LyapunovController(kind="lyapunov", singular_terms="published")
+    published = LyapunovOptions(kind="lyapunov", singular_terms="published")
     printed = bound - published.alpha1 * e**2  # Eq. 36, which the printed term is there for
     assert lyapunov_rate(e, rate, published) == pytest.approx(printed, rel=1e-9)
 
 
 def test_the_published_term_is_singular_and_the_others_are_not() -> None:
     e, rate = np.array([0.1, 0.1, 0.1]), np.array([1e-12, -1e-12, 0.0])
-    published = LyapunovController(kind="lyapunov", singular_terms="published")
+    published = LyapunovOptions(kind="lyapunov", singular_terms="published")
     assert np.abs(singular_term(e, rate, published)[:2]).min() > 1e9
     assert singular_term(e, rate, published)[2] == 0.0
-    regularized = LyapunovController(kind="lyapunov", singular_terms="regularized")
+    regularized = LyapunovOptions(kind="lyapunov", singular_terms="regularized")
     assert np.abs(singular_term(e, rate, regularized)).max() < 1e-6
-    omitted = LyapunovController(kind="lyapunov")
+    omitted = LyapunovOptions(kind="lyapunov")
     assert np.array_equal(singular_term(e, rate, omitted), np.zeros(3))
 
 
 def test_law_32_by_hand() -> None:
-    options = LyapunovController(kind="lyapunov", singular_terms="published")
+    options = LyapunovOptions(kind="lyapunov", singular_terms="published")
     v = law(np.array([0.2, -0.1]), np.array([0.5, 0.4]), np.array([1.0, 2.0]), options)
     # v = v_d − 10·e2 − 2.5·(e1 + e1²/e2)
     assert v == pytest.approx(
@@ -157,9 +156,10 @@ def test_law_32_by_hand() -> None:
 
 
 def test_lyapunov_without_reference_is_refused() -> None:
-    controller = Lyapunov(LyapunovController(kind="lyapunov"))
-    with pytest.raises(InputError, match="needs a reference"):
-        controller.start(Task(ROBOT, None, PERIOD, 1, np.random.default_rng(0)))
+    (fault,) = LyapunovOptions().faults(Nothing(), None)
+    assert (
+        str(fault) == "reference.kind: got 'none'; controller.kind = 'lyapunov' needs a reference"
+    )
 
 
 def test_open_loop_segments_follow_one_another() -> None:
@@ -167,7 +167,7 @@ def test_open_loop_segments_follow_one_another() -> None:
         WheelSegment(duration_s=3 * PERIOD, wheel_right_rad_s=1.0, wheel_left_rad_s=2.0),
         WheelSegment(duration_s=0.05, wheel_right_rad_s=50.0, wheel_left_rad_s=4.0),
     )
-    controller = OpenLoop(OpenLoopController(kind="open_loop", segments=segments))
+    controller = OpenLoop(OpenLoopOptions(kind="open_loop", segments=segments))
     controller.start(Task(ROBOT, None, PERIOD, 2, np.random.default_rng(0)))
     seen = estimate(np.zeros((2, 4)), np.zeros((2, 4)))
     commands = [controller.command(k, seen) for k in range(8)]

@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.references.planned import Planned, shipped_plans
+from ttwmr_mj.references.planned import Plan, Planned, shipped_plans
 from ttwmr_mj.references.shared.feasibility import Feasibility, check_feasibility
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
@@ -20,7 +19,7 @@ TIME = np.arange(0.0, 15.0, 0.033)
 
 def circle(robot: RobotParameters = FAST, **options: float) -> Feasibility:
     given = {"radius_m": 0.6, "angular_rate_rad_s": 1.0, **options}
-    return check_feasibility(FlatCircle(robot=robot, **given).sample(TIME), robot)  # type: ignore[arg-type]
+    return check_feasibility(FlatCircle(**given).sample(TIME, robot), robot)  # type: ignore[arg-type]
 
 
 def test_a_flat_circle_is_feasible_and_says_so() -> None:
@@ -50,7 +49,7 @@ def test_each_limit_is_named_when_broken() -> None:
     # u1 = (R − k)·ω and u2 = ω at the outer wheel
     assert speed.worst == pytest.approx((0.6 - FAST.swing_length_m + 0.0595) / 0.026, rel=1e-9)
     assert not circle(angular_rate_rad_s=5.0)["grip"].kept
-    path = FlatCircle(robot=FAST, radius_m=0.6, angular_rate_rad_s=1.0).sample(TIME)
+    path = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0).sample(TIME, FAST)
     outside = check_feasibility(path, FAST, workspace_m=(1.4, 1.0))["workspace"]
     # the trailer's rear label is 0.213 m behind P, which is k closer to the centre than F
     reach = 0.6 - FAST.swing_length_m + 0.213
@@ -85,7 +84,7 @@ def test_an_undefined_trailer_is_said_to_be() -> None:
 @pytest.mark.parametrize("name", shipped_plans())
 def test_shipped_plans_are_feasible(name: str) -> None:
     robot = LAB if name.endswith("_lab") else FAST
-    path = Planned(plan=name, robot=robot).sample(np.arange(0.0, 40.0, 0.01))
+    path = Planned(plan=name).sample(np.arange(0.0, 40.0, 0.01), robot)
     verdict = check_feasibility(path, robot, workspace_m=(1.4, 1.0))
     assert verdict.feasible, str(verdict)
     # what the optimiser was told, with the spline's overshoot between knots
@@ -95,12 +94,12 @@ def test_shipped_plans_are_feasible(name: str) -> None:
 
 @pytest.mark.parametrize("name", shipped_plans())
 def test_a_plan_ends_at_rest_or_goes_round(name: str) -> None:
-    plan = Planned(plan=name, robot=FAST)
-    end = plan.duration_s
-    path = plan.sample(np.array([0.0, end - 1e-9, end, end + 0.5, end + 1.0]))
+    plan = Planned(plan=name)
+    end = Plan.read(name).duration_s
+    path = plan.sample(np.array([0.0, end - 1e-9, end, end + 0.5, end + 1.0]), FAST)
     if name.startswith("figure_eight"):
         assert path.q[2] == pytest.approx(path.q[0], abs=1e-9)
-        later = plan.sample(np.array([0.5, 1.0]))
+        later = plan.sample(np.array([0.5, 1.0]), FAST)
         assert path.q[3:] == pytest.approx(later.q, abs=1e-9)
     else:
         assert path.q_rate[[0, 1, 3]] == pytest.approx(0.0, abs=1e-6)
@@ -110,10 +109,10 @@ def test_a_plan_ends_at_rest_or_goes_round(name: str) -> None:
 
 def test_plans_for_another_robot_or_of_no_name_are_refused() -> None:
     other = FAST.model_copy(update={"trailer": Trailer(com_offset_m=0.2)})
-    with pytest.raises(InputError, match="was made for a trailer"):
-        Planned(plan="rest_to_rest", robot=other)
-    with pytest.raises(InputError, match="allowed: figure_eight"):
-        Planned(plan="nine", robot=FAST)
+    (fault,) = Planned(plan="rest_to_rest").faults(other)
+    assert "was made for a trailer" in str(fault)
+    (fault,) = Planned(plan="nine").faults(FAST)
+    assert "allowed: figure_eight" in str(fault)
 
 
 def test_the_planner_makes_what_is_shipped(tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -121,6 +120,6 @@ def test_the_planner_makes_what_is_shipped(tmp_path) -> None:  # type: ignore[no
     from ttwmr_mj.planning.__main__ import PLANS, write
 
     made = write("rest_to_rest", PLANS["rest_to_rest"](), tmp_path)
-    again = Planned(plan=str(made), robot=FAST).sample(TIME)
-    shipped = Planned(plan="rest_to_rest", robot=FAST).sample(TIME)
+    again = Planned(plan=str(made)).sample(TIME, FAST)
+    shipped = Planned(plan="rest_to_rest").sample(TIME, FAST)
     assert again.q == pytest.approx(shipped.q, abs=1e-4)  # another solver build, another rounding

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from ttwmr_mj.figures.run_figures import write_run_figures
+from ttwmr_mj.figures.run import write_run_figures
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -108,5 +108,5 @@ def test_a_failed_figure_leaves_no_file(
 
 
 def test_importing_the_module_does_not_import_matplotlib() -> None:
-    code = "import sys, ttwmr_mj.figures.run_figures; sys.exit('matplotlib' in sys.modules)"
+    code = "import sys, ttwmr_mj.figures.run; sys.exit('matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ttwmr_mj.controllers.options import FlatnessController, ObserverOptions
-from ttwmr_mj.controllers.shared.observer import Observer, kalman_gain
+from ttwmr_mj.controllers.flatness import FlatnessOptions
+from ttwmr_mj.controllers.shared.observer import Observer, ObserverOptions, kalman_gain
 from ttwmr_mj.dynamics.flatness import flat_from_motion, motion_from_flat
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel
@@ -16,7 +16,6 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
-from ttwmr_mj.references.options import FlatEllipseReference
 from ttwmr_mj.references.shared.flat_reference import FlatReference
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
@@ -29,15 +28,11 @@ from ttwmr_mj.state import RobotState
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 PERIOD = 0.033
 REFERENCES: dict[str, FlatReference] = {
-    "outside": FlatCircle(robot=ROBOT, radius_m=0.6, angular_rate_rad_s=1.0),
-    "inside": FlatCircle(robot=ROBOT, radius_m=0.6, angular_rate_rad_s=1.0, side="inside"),
-    "clockwise": FlatCircle(robot=ROBOT, radius_m=0.5, angular_rate_rad_s=-0.8, phase_rad=1.0),
-    "ellipse": FlatEllipse(
-        robot=ROBOT, half_axes_m=(0.6, 0.4), angular_rate_rad_s=0.9, tilt_rad=0.3
-    ),
-    "ellipse inside": FlatEllipse(
-        robot=ROBOT, half_axes_m=(0.6, 0.5), angular_rate_rad_s=-0.7, side="inside"
-    ),
+    "outside": FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0),
+    "inside": FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0, side="inside"),
+    "clockwise": FlatCircle(radius_m=0.5, angular_rate_rad_s=-0.8, phase_rad=1.0),
+    "ellipse": FlatEllipse(half_axes_m=(0.6, 0.4), angular_rate_rad_s=0.9, tilt_rad=0.3),
+    "ellipse inside": FlatEllipse(half_axes_m=(0.6, 0.5), angular_rate_rad_s=-0.7, side="inside"),
 }
 CAMERA_LIKE = [
     "sensing.position_noise_m=0.0002",
@@ -76,7 +71,7 @@ def test_there_and_back(name: str) -> None:
 
 @pytest.mark.parametrize("name", list(REFERENCES))
 def test_a_flat_reference_is_a_free_trailers_motion(name: str) -> None:
-    path = REFERENCES[name].sample(np.linspace(0.0, 9.0, 500))
+    path = REFERENCES[name].sample(np.linspace(0.0, 9.0, 500), ROBOT)
     free = trailer_acceleration(path.theta2_rad, path.acceleration_m_s2, ROBOT)
     assert path.theta_acceleration[..., 1] == pytest.approx(free, abs=1e-11)
     heading = np.arctan2(path.velocity_m_s[..., 1], path.velocity_m_s[..., 0])
@@ -86,7 +81,7 @@ def test_a_flat_reference_is_a_free_trailers_motion(name: str) -> None:
 @pytest.mark.parametrize("name", list(REFERENCES))
 def test_every_derivative_is_the_derivative_of_the_one_before(name: str) -> None:
     step = 1e-3
-    path = REFERENCES[name].sample(np.arange(0.0, 3.0, step))
+    path = REFERENCES[name].sample(np.arange(0.0, 3.0, step), ROBOT)
     for values in (
         [path.derivatives[:, 0, order] for order in range(5)],
         [path.theta[:, 0], path.theta_rate[:, 0], path.theta_acceleration[:, 0]],
@@ -101,7 +96,7 @@ def test_the_circle_by_hand() -> None:
     """Outside, P runs at R − k with the trailer at +90 degrees; inside, at R + k and −90."""
     length = ROBOT.swing_length_m
     for side, radius, hitch in (("outside", 0.6 - length, 0.5), ("inside", 0.6 + length, -0.5)):
-        path = REFERENCES[side].sample(np.linspace(0.0, 6.0, 50))
+        path = REFERENCES[side].sample(np.linspace(0.0, 6.0, 50), ROBOT)
         assert np.hypot(*path.position_m[:, 0].T) == pytest.approx(radius, abs=1e-14)
         turn = path.theta2_rad - path.theta1_rad
         assert np.cos(turn - hitch * np.pi) == pytest.approx(1.0, abs=1e-12)
@@ -181,9 +176,7 @@ def test_the_law_converges_on_the_model(name: str) -> None:
 
 
 def test_it_works_on_an_ellipse() -> None:
-    section = FlatEllipseReference(
-        kind="flat_ellipse", half_axes_m=(0.6, 0.45), angular_rate_rad_s=1.0
-    )
+    section = FlatEllipse(kind="flat_ellipse", half_axes_m=(0.6, 0.45), angular_rate_rad_s=1.0)
     scenario = load_scenario("outer_circle", ["plant.kind=analytic"])
     scenario = scenario.model_copy(update={"reference": section})
     metrics = score(Experiment(scenario).run().trajectory, scenario.robot)
@@ -198,7 +191,7 @@ def test_references_it_cannot_follow_are_refused() -> None:
 
 
 def _with_controller(name: str) -> Scenario:
-    controller = FlatnessController(kind="flatness")
+    controller = FlatnessOptions(kind="flatness")
     return load_scenario(name).model_copy(update={"controller": controller})
 
 

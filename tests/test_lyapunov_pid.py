@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.lyapunov import Lyapunov, law
+from ttwmr_mj.controllers.lyapunov import Lyapunov, LyapunovOptions, law
 from ttwmr_mj.controllers.lyapunov_pid import (
     LyapunovPid,
+    LyapunovPidOptions,
     corrected,
     denominator,
     gamma,
@@ -18,13 +19,12 @@ from ttwmr_mj.controllers.lyapunov_pid import (
 )
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.circle import Circle
+from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.run.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState
 
@@ -34,8 +34,8 @@ K = ROBOT.swing_length_m
 POINTS = 500
 
 
-def options(**changes: object) -> LyapunovPidController:
-    return LyapunovPidController.model_validate({"kind": "lyapunov_pid", **changes})
+def options(**changes: object) -> LyapunovPidOptions:
+    return LyapunovPidOptions.model_validate({"kind": "lyapunov_pid", **changes})
 
 
 def motion(seed: int = 0) -> dict[str, np.ndarray]:
@@ -56,7 +56,7 @@ def circle(theta2: str = "aligned", radius: float = 0.43) -> ReferencePath:
 
 
 def started(
-    chosen: LyapunovPidController, reference: ReferencePath | None, nsim: int = 1
+    chosen: LyapunovPidOptions, reference: ReferencePath | None, nsim: int = 1
 ) -> LyapunovPid:
     controller = LyapunovPid(chosen)
     controller.start(Task(ROBOT, reference, PERIOD, nsim, np.random.default_rng(0)))
@@ -138,7 +138,7 @@ def test_forms_of_one_over_d() -> None:
 
 def test_without_gamma_it_is_law_32() -> None:
     """ρ = 0 takes the correction away: the same wheels, to the bit."""
-    plain = Lyapunov(LyapunovController(kind="lyapunov"))
+    plain = Lyapunov(LyapunovOptions(kind="lyapunov"))
     plain.start(Task(ROBOT, circle(), PERIOD, 3, np.random.default_rng(0)))
     ours = started(options(rho=0.0), circle(), nsim=3)
     for k in range(20):
@@ -199,7 +199,7 @@ def test_where_theta2_has_no_reference_the_correction_pauses() -> None:
     reference = circle()
     reference.theta[5:, :, 1] = np.nan
     reference.theta_rate[5:, :, 1] = np.nan
-    plain = Lyapunov(LyapunovController(kind="lyapunov"))
+    plain = Lyapunov(LyapunovOptions(kind="lyapunov"))
     plain.start(Task(ROBOT, reference, PERIOD, 1, np.random.default_rng(0)))
     ours = started(options(), reference)
     assert np.array_equal(
@@ -210,10 +210,13 @@ def test_where_theta2_has_no_reference_the_correction_pauses() -> None:
 
 
 def test_what_it_needs_is_asked_for() -> None:
-    with pytest.raises(InputError, match="needs a reference; got kind 'none'"):
-        started(options(), None)
-    with pytest.raises(InputError, match=r"reference\.theta2 = 'none'.*'tractor'"):
-        started(options(), circle("none"))
+    (fault,) = options().faults(Nothing(), None)
+    assert "'lyapunov_pid' needs a reference" in str(fault)
+    reference = Circle(radius_m=0.43, angular_rate_rad_s=0.125)
+    (fault,) = options().faults(reference, circle("none"))
+    assert str(fault).startswith("reference.theta2: got 'none'; which leaves θ2 undefined")
+    assert options(theta2_reference="tractor").faults(reference, circle("none")) == []
+    assert options().faults(reference, circle("outward")) == []
     for other in ({"theta2_reference": "tractor"}, {"correction": "spring_damper"}):
         command = started(options(**other), circle("none")).command(0, off_the_circle())
         assert np.isfinite(command.wheel_speed_rad_s).all()
@@ -222,7 +225,7 @@ def test_what_it_needs_is_asked_for() -> None:
 def test_the_defaults_are_table_ii() -> None:
     scenario = load_scenario("lab_circle", ["controller.kind=lyapunov_pid"])
     chosen = scenario.controller
-    assert isinstance(chosen, LyapunovPidController)
+    assert isinstance(chosen, LyapunovPidOptions)
     alphas = (chosen.alpha1, chosen.alpha2, chosen.alpha3, chosen.alpha4)
     assert alphas == (25.0, 10.0, 25.0, 10.0)
     assert (chosen.k_d, chosen.k_p, chosen.k_i, chosen.rho) == (12.0, 48.0, 64.0, 2.5)
@@ -233,7 +236,7 @@ def test_the_singular_terms_are_those_of_law_32() -> None:
     m = motion()
     for terms in ("omitted", "regularized", "published"):
         ours = law(m["e"], m["e_rate"], m["v"], options(singular_terms=terms))
-        plain = LyapunovController.model_validate({"kind": "lyapunov", "singular_terms": terms})
+        plain = LyapunovOptions.model_validate({"kind": "lyapunov", "singular_terms": terms})
         assert np.array_equal(ours, law(m["e"], m["e_rate"], m["v"], plain))
 
 

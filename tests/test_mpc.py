@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.mpc import Mpc
-from ttwmr_mj.controllers.options import MpcController, TvlqrController
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.controllers.mpc import MpcOptions
+from ttwmr_mj.controllers.tvlqr import TvlqrOptions
+from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import read_parquet
 from ttwmr_mj.run.build import initial_state, make_controller, sample_reference
@@ -22,7 +22,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
 
 PERIOD = 0.033
-MPC = MpcController(kind="mpc", horizon_samples=20)
+MPC = MpcOptions(kind="mpc", horizon_samples=20)
 
 
 def with_mpc(name: str, *overrides: str) -> Scenario:
@@ -37,10 +37,10 @@ def steady_mm(scenario: Scenario) -> float:
     return 1e3 * value
 
 
-def first_command(scenario: Scenario, options: MpcController | TvlqrController) -> np.ndarray:
+def first_command(scenario: Scenario, options: MpcOptions | TvlqrOptions) -> np.ndarray:
     scenario = scenario.model_copy(update={"controller": options})
     reference = sample_reference(scenario)
-    controller = make_controller(scenario, Path())
+    controller = make_controller(scenario, sample_reference(scenario), Path())
     controller.start(Task(scenario.robot, reference, PERIOD, 1, np.random.default_rng(0)))
     state = initial_state(scenario, reference)
     seen = Estimate(state, np.zeros(1), np.ones(1, dtype=np.bool_), np.full(1, np.nan))
@@ -56,7 +56,7 @@ def test_near_the_reference_it_is_the_lqr() -> None:
             [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"],
         )
         mpc = first_command(near, MPC)
-        lqr = first_command(near, TvlqrController(kind="tvlqr"))
+        lqr = first_command(near, TvlqrOptions(kind="tvlqr"))
         errors.append(np.abs(mpc - lqr).max())
     assert errors[0] < 0.02
     # the coarser prediction leaves a small linear part beside the quadratic one
@@ -114,10 +114,8 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
 
 
 def test_it_needs_a_reference() -> None:
-    controller = Mpc(MPC)
-    robot = load_scenario("outer_circle").robot
-    with pytest.raises(InputError, match="needs a reference"):
-        controller.start(Task(robot, None, PERIOD, 1, np.random.default_rng(0)))
+    (fault,) = MPC.faults(Nothing(), None)
+    assert "controller.kind = 'mpc' needs a reference" in str(fault)
 
 
 @pytest.mark.slow

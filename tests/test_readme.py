@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from ttwmr_mj.cli.main import make_parser
+from ttwmr_mj.cli.main import parse
 from ttwmr_mj.scenario.file import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -52,12 +52,11 @@ def test_the_controller_example_works_in_under_40_lines(tmp_path: Path) -> None:
 
 
 def test_every_command_line_in_the_readme_parses() -> None:
-    parser = make_parser()
     lines = [line.split("#")[0].split() for block in blocks("sh") for line in block.splitlines()]
     commands = [words[1:] for words in lines if words[:1] == ["ttwmr"]]
     assert len(commands) >= 5
     for words in commands:
-        parser.parse_args(words)  # argparse leaves with SystemExit on what it does not know
+        parse(words)  # argparse leaves with SystemExit on what it does not know
 
 
 def test_every_file_the_readme_links_exists() -> None:

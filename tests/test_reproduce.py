@@ -15,13 +15,13 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers import lyapunov_pid
-from ttwmr_mj.controllers.lyapunov import law
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.lyapunov_log import lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.run.experiment import Outcome
-from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
 from ttwmr_mj.studies.reproduce import execute, runs
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement, verdict_of
@@ -37,17 +37,17 @@ from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE, RUNS, RunSpec
 from ttwmr_mj.studies.reproduce.study import reproduce
 
 LAWS = [
-    LyapunovController(kind="lyapunov"),
-    LyapunovController(kind="lyapunov", singular_terms="regularized"),
-    LyapunovController(kind="lyapunov", singular_terms="published"),
-    LyapunovPidController(kind="lyapunov_pid"),
-    LyapunovPidController(kind="lyapunov_pid", gamma="exact", alpha4=7.0),
-    LyapunovPidController(kind="lyapunov_pid", gamma="regularized", gamma_limit=3.0),
+    LyapunovOptions(kind="lyapunov"),
+    LyapunovOptions(kind="lyapunov", singular_terms="regularized"),
+    LyapunovOptions(kind="lyapunov", singular_terms="published"),
+    LyapunovPidOptions(kind="lyapunov_pid"),
+    LyapunovPidOptions(kind="lyapunov_pid", gamma="exact", alpha4=7.0),
+    LyapunovPidOptions(kind="lyapunov_pid", gamma="regularized", gamma_limit=3.0),
 ]
 
 
 @pytest.mark.parametrize("options", LAWS, ids=str)
-def test_the_law_on_floats_is_the_controllers_law(options: LyapunovController) -> None:
+def test_the_law_on_floats_is_the_controllers_law(options: LyapunovOptions) -> None:
     loop, rng = IdealLoop(options, 0.43, 0.125, 0.35), np.random.default_rng(4)
     for _ in range(50):
         time_s, z = rng.uniform(0, 60), tuple(rng.uniform(-1, 1, 7))
@@ -56,7 +56,7 @@ def test_the_law_on_floats_is_the_controllers_law(options: LyapunovController) -
         e1, e2, e3, e4 = loop.errors(time_s, z)
         e, e_rate = np.array([e1, e3]), np.array([e2, e4])
         v = law(e, e_rate, -0.43 * 0.125**2 * radial, options)
-        if isinstance(options, LyapunovPidController):
+        if isinstance(options, LyapunovPidOptions):
             theta2 = np.array(z[4])
             e5 = (z[4] - angle - 0.5 * np.pi + np.pi) % (2 * np.pi) - np.pi
             wanted = lyapunov_pid.pid_acceleration(e5, z[5] - 0.125, z[6], 0.0, options)
@@ -107,7 +107,7 @@ def test_the_printed_law_stands_still_where_it_first_stops_at_every_small_step()
 
 
 def test_exact_gamma_ends_within_a_fraction_of_a_second() -> None:
-    loop = IdealLoop(LyapunovPidController(kind="lyapunov_pid", gamma="exact"), 1.0, 0.5)
+    loop = IdealLoop(LyapunovPidOptions(kind="lyapunov_pid", gamma="exact"), 1.0, 0.5)
     path = solve(loop, loop.at_rest(0.6, -0.3), 5.0, until=lambda t, z: loop.command(t, z).d)
     assert path.end == "singular"
     assert path.time_s[-1] < 0.2

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.run.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.scenario.schema import CustomController
 
 PLANTS = ("contact", "analytic")
 
@@ -85,7 +85,7 @@ def test_a_broken_controller_ends_the_run_and_what_was_reached_is_kept(
 ) -> None:
     overrides = ["plant.kind=analytic", "duration_s=3.0"]
     scenario = load_scenario("open_loop_turn", overrides)
-    custom = CustomController(kind="custom", target=target)
+    custom = CustomOptions(kind="custom", target=target)
     scenario = scenario.model_copy(update={"controller": custom})
     result = Experiment(scenario, folder=Path(__file__).parent).run()
     outcome = result.outcomes[0]

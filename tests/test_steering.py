@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.cli.main import make_parser
-from ttwmr_mj.controllers.options import FrictionOptions
-from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.cli.commands.run import Run
+from ttwmr_mj.cli.main import parse
+from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
@@ -131,16 +131,16 @@ def test_every_derivative_of_a_way_is_the_derivative_of_the_one_before() -> None
 def ways(speed_limit_rad_s: float) -> WaysBack:
     servo = Servo(preset="fast", speed_limit_rad_s=speed_limit_rad_s)
     robot = ROBOT.model_copy(update={"servo": servo})
-    circle = FlatCircle(robot=robot, radius_m=0.6, angular_rate_rad_s=1.0)
-    flat = circle.sample(PERIOD * np.arange(400)).flat_derivatives
+    circle = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0)
+    flat = circle.sample(PERIOD * np.arange(400), robot).flat_derivatives
     assert flat is not None
     least = np.full((len(flat), 1), 0.18)
     return WaysBack(flat, least, 1.0, 1.0, robot, PERIOD, 1)
 
 
 def test_who_is_on_the_reference_gets_the_shortest_way_and_it_is_the_reference() -> None:
-    circle = FlatCircle(robot=ROBOT, radius_m=0.6, angular_rate_rad_s=1.0)
-    path = circle.sample(PERIOD * np.arange(2))
+    circle = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0)
+    path = circle.sample(PERIOD * np.arange(2), ROBOT)
     body = np.column_stack([path.q[0], path.q_rate[0, :, 3:]])
     wheels = np.array([[19.3, 14.7]])
     found = ways(40.0)
@@ -189,5 +189,6 @@ def test_every_command_in_the_page_on_controllers_is_valid() -> None:
     for line in lines:
         words = shlex.split(line)
         assert words[0] == "ttwmr"
-        arguments = make_parser().parse_args(words[1:])
-        load_scenario(arguments.scenario, arguments.overrides)
+        run = parse(words[1:])
+        assert isinstance(run, Run)
+        run.load(run.scenario)

@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from ttwmr_mj.controllers.options import TrackingWeights, TvlqrController
 from ttwmr_mj.controllers.shared.riccati import backward
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem
-from ttwmr_mj.controllers.tvlqr import fit
+from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
+from ttwmr_mj.controllers.tvlqr import TvlqrOptions, fit
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
@@ -37,7 +36,7 @@ def problem() -> TrackingProblem:
 
 def with_tvlqr(name: str, *overrides: str) -> Scenario:
     scenario = load_scenario(name, list(overrides))
-    return scenario.model_copy(update={"controller": TvlqrController(kind="tvlqr")})
+    return scenario.model_copy(update={"controller": TvlqrOptions(kind="tvlqr")})
 
 
 def steady_mm(scenario: Scenario) -> float:
@@ -103,9 +102,7 @@ def test_riccati_with_affine_terms_is_the_least_squares_solution() -> None:
 
 
 def test_residuals_derivatives_by_finite_differences() -> None:
-    path = FlatCircle(robot=ROBOT, radius_m=0.6, angular_rate_rad_s=1.0).sample(
-        PERIOD * np.arange(5)
-    )
+    path = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0).sample(PERIOD * np.arange(5), ROBOT)
     task = problem()
     target = task.target(path)
     rng = np.random.default_rng(2)
@@ -133,7 +130,7 @@ def test_linearisation_predicts_a_small_change() -> None:
 
 def test_a_fitted_reference_is_a_trajectory_of_the_sampled_model() -> None:
     task = problem()
-    path = Planned(plan="figure_eight", robot=ROBOT).sample(PERIOD * np.arange(200))
+    path = Planned(plan="figure_eight").sample(PERIOD * np.arange(200), ROBOT)
     target = task.target(path)
     state, command = fit(task, target)
     after = task.next_state(state[:-1], command)

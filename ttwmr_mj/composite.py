@@ -36,13 +36,13 @@ def ball_inertia(robot: RobotParameters) -> float:
     return 0.4 * robot.casters.mass_kg * robot.casters.radius_m**2
 
 
-def chassis_remainder(whole: Lump, parts: list[Lump], keys: str) -> Lump:
+def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
     """The chassis that makes the composite equal to `whole`.
 
     Args:
         whole: the composite; its inertia is about its own COM.
         parts: wheels and casters; each inertia about its own COM.
-        keys: the scenario keys to name when the parts are too heavy.
+        table: where the composite's numbers stand in a scenario, such as "robot.tractor".
 
     Raises:
         InputError: the parts leave no positive mass or yaw inertia for the chassis.
@@ -50,9 +50,11 @@ def chassis_remainder(whole: Lump, parts: list[Lump], keys: str) -> Lump:
     mass = whole.mass_kg - sum(part.mass_kg for part in parts)
     if mass <= 0:
         taken = whole.mass_kg - mass
-        raise InputError(
-            f"{keys}: wheels and casters weigh {taken:g} kg of {whole.mass_kg:g} kg and leave "
-            f"nothing for the chassis; make them lighter than {whole.mass_kg:g} kg together"
+        raise InputError.at(
+            f"{table}.mass_kg",
+            f"wheels and casters weigh {taken:g} kg and leave nothing for the chassis",
+            got=f"{whole.mass_kg:g}",
+            allowed=f"more than {taken:g} kg, or lighter wheels and casters",
         )
     x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
     inertia = whole.yaw_inertia_kg_m2 - mass * (x - whole.x_m) ** 2
@@ -61,10 +63,11 @@ def chassis_remainder(whole: Lump, parts: list[Lump], keys: str) -> Lump:
         inertia -= part.yaw_inertia_kg_m2 + part.mass_kg * lever_squared
     if inertia <= 0:
         needed = whole.yaw_inertia_kg_m2 - inertia
-        raise InputError(
-            f"{keys}: a yaw inertia of {whole.yaw_inertia_kg_m2:g} kg·m² is impossible, the wheels "
-            f"and casters alone, where they sit, have {needed:g} kg·m²; give more than that or "
-            "lighter wheels and casters"
+        raise InputError.at(
+            f"{table}.yaw_inertia_kg_m2",
+            f"impossible, as the wheels and casters alone, where they sit, have {needed:g} kg·m²",
+            got=f"{whole.yaw_inertia_kg_m2:g}",
+            allowed="more than that, or lighter wheels and casters",
         )
     return Lump(mass, x, 0.0, inertia)
 
@@ -82,13 +85,13 @@ def tractor_chassis(robot: RobotParameters) -> Lump:
     return chassis_remainder(whole, parts, "robot.tractor")
 
 
-def trailer_chassis(robot: RobotParameters) -> Lump:
-    """Chassis of the trailer without its two casters."""
-    trailer, casters = robot.trailer, robot.casters
+def trailer_chassis(robot: RobotParameters, index: int = 0) -> Lump:
+    """Chassis of a trailer (0: the first) without its two casters; x from its hitch."""
+    trailer, casters = robot.trailers[index], robot.casters
     x = -trailer.com_offset_m
     parts = [
         Lump(casters.mass_kg, x, side * casters.trailer_half_spacing_m, ball_inertia(robot))
         for side in (-1.0, 1.0)
     ]
     whole = Lump(trailer.mass_kg, x, 0.0, trailer.yaw_inertia_kg_m2)
-    return chassis_remainder(whole, parts, "robot.trailer")
+    return chassis_remainder(whole, parts, f"robot.trailers.{index}" if index else "robot.trailer")

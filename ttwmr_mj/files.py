@@ -1,10 +1,12 @@
-"""Files that appear whole or not at all: written beside, then renamed."""
+"""Files: written beside, then renamed, so that they appear whole; and their names in input."""
 
 from __future__ import annotations
 
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from pydantic import AfterValidator, ValidationInfo
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -29,3 +31,24 @@ def write_parquet(table: pa.Table, path: Path) -> None:
     temporary = path.with_name(path.name + ".part")
     pq.write_table(table, temporary)
     temporary.replace(path)
+
+
+def input_file(remedy: str) -> AfterValidator:
+    """Marks a text field as the name of a file beside the scenario; see `placed`."""
+    return AfterValidator(lambda given, info: placed(given, info, remedy))
+
+
+def placed(given: str, info: ValidationInfo, remedy: str) -> str:
+    """The absolute path of a file named in a scenario file, from whose folder it starts.
+
+    Where no file is being read (the validation has no folder in its context) it stays as given.
+
+    Raises:
+        ValueError: there is no such file; for pydantic, which adds the key.
+    """
+    if info.context is None:
+        return given
+    path = (info.context["folder"] / given).resolve()
+    if not path.is_file():
+        raise ValueError(f"no such file ({path}); {remedy}")
+    return str(path)

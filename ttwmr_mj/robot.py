@@ -6,9 +6,23 @@ checked here, at the border; inside, they are trusted.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetJsonSchemaHandler,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema, PydanticCustomError
 
 
 class Config(BaseModel):
@@ -46,19 +60,38 @@ class Tractor(Config):
 
 
 class Trailer(Config):
-    """The trailer (Table I), with its two spherical wheels."""
+    """A trailer (Table I), with its two spherical wheels."""
 
     mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.00078, gt=0, le=1e3, description="J2 about the trailer's own COM, Table I"
     )
     com_offset_m: float = Field(
-        default=0.141, gt=0, le=10, description="l: from P backward to the COM, Table I"
+        default=0.141, gt=0, le=10, description="l: from its hitch backward to the COM, Table I"
     )
+    next_hitch_offset_m: float | None = Field(
+        default=None,
+        gt=0,
+        le=10,
+        description="from its hitch backward to the next trailer's; needed where one follows",
+    )
+
+    @property
+    def swing_length_m(self) -> float:
+        """K = l + J2/(m2·l) (Eq. 24): from its hitch to its centre of oscillation."""
+        return self.com_offset_m + self.yaw_inertia_kg_m2 / (self.mass_kg * self.com_offset_m)
+
+    @property
+    def swing_inertia_kg_m2(self) -> float:
+        """J2 + m2·l² = m2·l·k (Eq. 17): its yaw inertia about its hitch."""
+        return self.yaw_inertia_kg_m2 + self.mass_kg * self.com_offset_m**2
 
 
 class Hitch(Config):
-    """The revolute joint at P: an optional torsion spring and damper (Eq. 38-43), and friction."""
+    """A trailer's revolute joint, the first at P.
+
+    It may have a torsion spring and damper (Eq. 38-43), and friction.
+    """
 
     stiffness_n_m_rad: float = Field(
         default=0.0, ge=0, le=1e4, description="k_t: torque per hitch angle, at rest when aligned"
@@ -103,7 +136,7 @@ class Servo(Config):
     def _fill_from_preset(cls, given: Any) -> Any:
         if not isinstance(given, dict):
             return given
-        return {**SERVO_PRESETS.get(given.get("preset", "lab"), {}), **given}
+        return {**SERVO_PRESETS.get(str(given.get("preset")), {}), **given}
 
 
 class Casters(Config):
@@ -125,29 +158,157 @@ class Casters(Config):
 
 
 class RobotParameters(Config):
-    """All numbers of the robot, SI units (Table I and stated assumptions)."""
+    """All numbers of the robot, SI units (Table I and stated assumptions).
+
+    The first trailer and its hitch may be called `trailer` and `hitch`, in files and in Python.
+    Given beside the lists, these replace values of the first entry.
+    """
+
+    FIRST: ClassVar[dict[str, str]] = {"trailer": "trailers", "hitch": "hitches"}
 
     tractor: Tractor = Tractor()
-    trailer: Trailer = Trailer()
-    hitch: Hitch = Hitch()
+    trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
+        default=(Trailer(),), description="front to back; [robot.trailer] is the first"
+    )
+    hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
+        default=(Hitch(),), description="one in front of each trailer; [robot.hitch] is the first"
+    )
     servo: Servo = Servo()
     casters: Casters = Casters()
 
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            *,
+            tractor: Tractor = ...,
+            trailer: Trailer = ...,
+            hitch: Hitch = ...,
+            trailers: tuple[Trailer, ...] = ...,
+            hitches: tuple[Hitch, ...] = ...,
+            servo: Servo = ...,
+            casters: Casters = ...,
+        ) -> None: ...
+
+    @property
+    def trailer(self) -> Trailer:
+        """The first trailer."""
+        return self.trailers[0]
+
+    @property
+    def hitch(self) -> Hitch:
+        """The first hitch, at P."""
+        return self.hitches[0]
+
     @property
     def swing_length_m(self) -> float:
-        """K = l + J2/(m2·l) (Eq. 24): from P to the trailer's centre of oscillation."""
-        trailer = self.trailer
-        return trailer.com_offset_m + trailer.yaw_inertia_kg_m2 / (
-            trailer.mass_kg * trailer.com_offset_m
-        )
+        """The first trailer's K (Eq. 24)."""
+        return self.trailer.swing_length_m
 
     @property
     def swing_inertia_kg_m2(self) -> float:
-        """J2 + m2·l² = m2·l·k (Eq. 17): the trailer's yaw inertia about P."""
-        trailer = self.trailer
-        return trailer.yaw_inertia_kg_m2 + trailer.mass_kg * trailer.com_offset_m**2
+        """The first trailer's yaw inertia about P (Eq. 17)."""
+        return self.trailer.swing_inertia_kg_m2
 
     @property
     def half_track_m(self) -> float:
         """b: half the distance between the wheels (Table I)."""
         return 0.5 * self.tractor.track_width_m
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """As pydantic's; `trailer` and `hitch` replace the first of their list."""
+        changes = dict(update or {})
+        for first, name in self.FIRST.items():
+            if first in changes:
+                rest = changes.get(name, getattr(self, name))[1:]
+                changes[name] = (changes.pop(first), *rest)
+        return super().model_copy(update=changes, deep=deep)
+
+    def overridden(self, changes: Mapping[str, Any]) -> Self:
+        """This robot with other values: any part of what a file's [robot] may hold.
+
+        Raises:
+            ValidationError: a value is refused.
+        """
+        given = self.model_validate(changes).model_dump(exclude_unset=True)
+        return self.model_validate(_merged(_as_lists(self.model_dump()), given))
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fold_first(cls, given: Any) -> Any:
+        return _as_lists(given) if isinstance(given, dict) else given
+
+    @field_validator("trailers")
+    @classmethod
+    def _no_gap(cls, trailers: tuple[Trailer, ...]) -> tuple[Trailer, ...]:
+        if not trailers:
+            raise _refused((), [], "at least one")
+        for i, trailer in enumerate(trailers[:-1]):
+            if trailer.next_hitch_offset_m is None:
+                raise _refused((i, "next_hitch_offset_m"), None)
+        return trailers
+
+    @field_validator("hitches")
+    @classmethod
+    def _one_for_each_trailer(
+        cls, hitches: tuple[Hitch, ...], info: ValidationInfo
+    ) -> tuple[Hitch, ...]:
+        trailers = info.data.get("trailers", hitches)  # missing where they are refused
+        if len(hitches) != len(trailers):
+            raise _refused((), len(hitches), f"as many as there are trailers, {len(trailers)}")
+        return hitches
+
+    @model_serializer(mode="wrap")
+    def _unfold_first(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A single trailer is written as it is in nearly every file: [robot.trailer]."""
+        data: dict[str, Any] = dump(self)
+        if len(self.trailers) > 1:
+            return data
+        for first, name in self.FIRST.items():
+            if name in data:
+                data[first] = data.pop(name)[0]
+        return data
+
+    @classmethod
+    def __get_pydantic_json_schema__(
+        cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
+    ) -> JsonSchemaValue:
+        """Both forms: the lists, and the first by its name."""
+        schema = handler(core_schema)
+        properties = handler.resolve_ref_schema(schema)["properties"]
+        for first, name in cls.FIRST.items():
+            properties[first] = properties[name]["items"]
+        return schema
+
+
+def _as_lists(given: dict[str, Any]) -> dict[str, Any]:
+    """A robot's table with `trailer` and `hitch` moved into the first entry of their lists."""
+    lists = dict(given)
+    for first, name in RobotParameters.FIRST.items():
+        if first not in lists:
+            continue
+        value, entries = lists.pop(first), lists.get(name, ())
+        if isinstance(entries, list | tuple):  # else its own fault is enough
+            lists[name] = [_merged(entries[0], value) if entries else value, *entries[1:]]
+    return lists
+
+
+def _merged(under: Any, over: Any) -> Any:
+    """Tables merged key by key, lists of tables of one length entry by entry; else `over`."""
+    match under, over:
+        case BaseModel(), dict():
+            return _merged(under.model_dump(), over)
+        case dict(), dict():
+            return under | {key: _merged(under.get(key), over[key]) for key in over}
+        case (list() | tuple(), list() | tuple()) if len(under) == len(over):
+            return [_merged(*pair) for pair in zip(under, over, strict=True)]
+    return over
+
+
+def _refused(place: tuple[str | int, ...], got: Any, allowed: str = "") -> ValidationError:
+    """An error at a place within the value that a validator looks at; nothing allowed: missing."""
+    custom = PydanticCustomError("robot", "{allowed}", {"allowed": allowed})
+    kind = custom if allowed else "missing"
+    return ValidationError.from_exception_data(
+        "robot", [{"type": kind, "loc": place, "input": got}]
+    )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,21 +11,21 @@ from numpy.typing import NDArray
 FloatArray = NDArray[np.float64]
 BoolArray = NDArray[np.bool_]
 
-X, Y, THETA1, THETA2 = range(4)  # columns of q (Eq. 2)
+X, Y, THETA1, THETA2 = range(4)  # columns of q (Eq. 2); further trailers' angles follow
 TWO_PI = 2.0 * np.pi
 RIGHT, LEFT = range(2)  # columns of wheel speeds: (ω_r, ω_l) as in Eq. 8-9
 
 
 @dataclass(frozen=True, slots=True)
 class RobotState:
-    """Generalized coordinates q = (x, y, θ1, θ2) (Eq. 2) and their rates.
+    """Generalized coordinates q = (x, y, θ1, θ2, …) (Eq. 2) and their rates, with n trailers.
 
     World frame, SI units. (x, y) is P, the middle of the wheel axle and the hitch. Angles are
     counter-clockwise from +x and unwrapped: a full turn adds 2π.
 
     Attributes:
-        q: (nsim, 4) x [m], y [m], θ1 [rad] (tractor), θ2 [rad] (trailer).
-        q_rate: (nsim, 4) time derivatives of q [m/s, m/s, rad/s, rad/s].
+        q: (nsim, 3 + n) x [m], y [m], θ1 [rad] (tractor), θ2 … [rad] (trailers, front to back).
+        q_rate: (nsim, 3 + n) time derivatives of q [m/s, m/s, rad/s, rad/s …].
     """
 
     q: FloatArray
@@ -32,10 +33,23 @@ class RobotState:
 
     @classmethod
     def at_rest(
-        cls, x_m: float, y_m: float, theta1_rad: float, theta2_rad: float, nsim: int = 1
+        cls,
+        x_m: float,
+        y_m: float,
+        theta1_rad: float,
+        theta2_rad: float | Sequence[float],
+        nsim: int = 1,
     ) -> RobotState:
-        """The same pose for every simulation, with all rates zero."""
-        q = np.tile(np.array([x_m, y_m, theta1_rad, theta2_rad]), (nsim, 1))
+        """The same pose for every simulation, with all rates zero.
+
+        Args:
+            x_m: of P.
+            y_m: of P.
+            theta1_rad: of the tractor.
+            theta2_rad: of the trailer, or of each, front to back.
+            nsim: number of simulations.
+        """
+        q = np.tile(np.hstack([x_m, y_m, theta1_rad, theta2_rad]), (nsim, 1)).astype(np.float64)
         return cls(q=q, q_rate=np.zeros_like(q))
 
     @property
@@ -45,8 +59,13 @@ class RobotState:
 
     @property
     def hitch_angle_rad(self) -> FloatArray:
-        """θ2 − θ1, (nsim,) [rad]: the hinge coordinate of the trailer on the tractor."""
-        return self.q[:, THETA2] - self.q[:, THETA1]
+        """θ2 − θ1, (nsim,) [rad]: the hinge coordinate of the first trailer on the tractor."""
+        return hitch_angles(self.q)[:, 0]
+
+
+def hitch_angles(q: FloatArray) -> FloatArray:
+    """(..., n) angle of each trailer minus that of what tows it, for q (..., 3 + n) [rad]."""
+    return np.diff(q[..., THETA1:], axis=-1)
 
 
 def wrap(angle_rad: FloatArray) -> FloatArray:

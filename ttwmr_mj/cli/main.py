@@ -5,11 +5,10 @@ from __future__ import annotations
 import argparse
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ttwmr_mj.cli import commands
+from ttwmr_mj.cli import engine
 from ttwmr_mj.errors import RunError, TtwmrError
 
 EXAMPLES = """examples:
@@ -21,18 +20,17 @@ EXAMPLES = """examples:
 """
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def main(words: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    parser = make_parser()
-    options = parser.parse_args(arguments)
+    subcommand = parse(words)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        return int(options.call(options))
+        return subcommand.call()
     except KeyboardInterrupt:
         print("ttwmr: stopped", file=sys.stderr)
         return 1
     except TtwmrError as error:
-        if options.debug:
+        if subcommand.debug:
             raise
         print(f"ttwmr: {error}", file=sys.stderr)
         return 1 if isinstance(error, RunError) else 2
@@ -41,147 +39,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 0
 
 
-def _interrupt(signum: int, frame: Any) -> NoReturn:
-    """SIGTERM ends a run like Ctrl-C, so that its files are closed."""
-    del signum, frame
-    raise KeyboardInterrupt
-
-
-def make_parser() -> argparse.ArgumentParser:
-    """All commands and options."""
+def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
+    """The subcommand that the words (None: of this process) ask for, with its options."""
     parser = argparse.ArgumentParser(
         prog="ttwmr",
         description="A tractor with a spherical-wheeled trailer, in models and contact physics.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--version", action=_Version, help="print the version and leave")
+    parser.add_argument("--version", action=_Version, help="print the version and exit")
     subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
+    for name, kind in engine.load_subcommands("ttwmr_mj.cli.commands").items():
+        engine.add_subcommand(subparsers, name, kind)
+    return engine.parse(parser, words)
 
-    def command(name: str, call: Callable[[Any], int], text: str) -> argparse.ArgumentParser:
-        sub = subparsers.add_parser(name, help=text, description=text[0].upper() + text[1:] + ".")
-        sub.add_argument("--debug", action="store_true", help="show tracebacks")
-        sub.set_defaults(call=call)
-        return sub
 
-    run = command("run", commands.run, "run a scenario and leave a run folder")
-    run.add_argument("scenario", help="a TOML file, or the name of a shipped scenario")
-    _add_scenario_options(run)
-    run.add_argument("--out", type=Path, metavar="DIR", help="the run folder")
-    run.add_argument("--force", action="store_true", help="write into a folder that is not empty")
-    run.add_argument(
-        "--save-frames",
-        action="append_const",
-        const="output.save_frames=true",
-        dest="overrides",
-        help="keep the camera's frames, with COCO keypoint annotations",
-    )
-    run.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    validate = command(
-        "validate", commands.validate, "check scenario files and print nothing if all is well"
-    )
-    validate.add_argument("scenarios", nargs="+", metavar="scenario")
-    _add_scenario_options(validate)
-    compare = command(
-        "compare",
-        commands.compare,
-        "compare contact physics with the analytic model and explain it",
-    )
-    compare.add_argument("scenario", help="a TOML file, or the name of a shipped scenario")
-    _add_scenario_options(compare)
-    compare.add_argument(
-        "--mode",
-        choices=("open_loop", "closed_loop"),
-        default="open_loop",
-        help="one command history for both plants, or each under its own controller",
-    )
-    compare.add_argument(
-        "--real-wheels",
-        action="store_true",
-        help="open loop: drive the analytic model by the wheels' real speeds: slip alone is left",
-    )
-    compare.add_argument("--no-attribution", action="store_true", help="deviations only; fast")
-    compare.add_argument("--converge", action="store_true", help="refine the contact physics")
-    compare.add_argument("--fit", action="store_true", help="fit an extended analytic model")
-    compare.add_argument(
-        "--validate-on", metavar="SCENARIO", help="validate the fit there; default: a shipped one"
-    )
-    compare.add_argument(
-        "--tolerance", type=Path, metavar="FILE", help="TOML of allowed values; beyond them: exit 1"
-    )
-    compare.add_argument("--out", type=Path, metavar="DIR", help="the folder of the results")
-    compare.add_argument("--force", action="store_true", help="write into a non-empty folder")
-    compare.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    bench = command("bench", commands.bench, "run a suite of controllers on tasks and rank them")
-    bench.add_argument("suite", nargs="?", default="quick", help="a TOML file or a shipped suite")
-    bench.add_argument("--out", type=Path, metavar="DIR", help="finished rows in it are reused")
-    bench.add_argument("--rescore", action="store_true", help="score what --out holds, run nothing")
-    bench.add_argument("--workers", type=int, metavar="N", help="processes; default: processors")
-    bench.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    calibrate = command("calibrate", commands.calibrate, "calibrate a camera with a ChArUco board")
-    calibrate.add_argument(
-        "scenario", nargs="?", default="lab_circle_camera", help="whose simulated camera is shown"
-    )
-    _add_scenario_options(calibrate)
-    calibrate.add_argument(
-        "--images",
-        type=Path,
-        metavar="DIR",
-        help="a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat",
-    )
-    calibrate.add_argument(
-        "--board", type=Path, metavar="PNG", help="write the board to print, and do nothing else"
-    )
-    calibrate.add_argument("--out", type=Path, metavar="YAML", default=Path("calibration.yaml"))
-    track = command("track", commands.track, "track the robot through a video or a camera's stream")
-    track.add_argument("source", help="a video file, or a camera's index")
-    track.add_argument("--calibration", type=Path, required=True, metavar="YAML")
-    track.add_argument("--scenario", default="lab_circle", help="whose robot is in the pictures")
-    track.add_argument("--frames", type=int, metavar="N", help="stop after N frames")
-    track.add_argument("--out", type=Path, metavar="DIR", help="for poses.parquet and track.rrd")
-    track.add_argument("--force", action="store_true", help="write into a folder that is not empty")
-    track.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    again = command(
-        "reproduce", commands.reproduce, "re-run the article: every figure, every claim"
-    )
-    again.add_argument("--out", type=Path, metavar="DIR", default=Path("results/reproduce"))
-    again.add_argument(
-        "--only", action="append", default=[], metavar="FIG", help="one figure; may be given often"
-    )
-    again.add_argument("--quiet", action="store_true", help="print nothing but errors")
-    command("list", commands.list_scenarios, "list the shipped scenarios")
-    view = command("view", commands.view, "open a recording in the Rerun viewer")
-    view.add_argument("recording", nargs="?", type=Path, help="run folder or .rrd; default: newest")
-    command("doctor", commands.doctor, "say what this machine has and what is missing")
-    schema = command("export-schema", commands.export_schema, "print the JSON Schema of scenarios")
-    schema.add_argument("--out", type=Path, metavar="FILE", help="write it to a file instead")
-    return parser
+def _interrupt(signum: int, frame: Any) -> NoReturn:
+    """SIGTERM ends a run like Ctrl-C, so that its files are closed."""
+    del signum, frame
+    raise KeyboardInterrupt
 
 
 class _Version(argparse.Action):
+    """Unlike argparse's own, it looks the version up only when asked."""
+
     def __init__(self, **options: Any) -> None:
-        super().__init__(nargs=0, **options)
+        super().__init__(nargs=0, **(options | {"dest": argparse.SUPPRESS}))
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> None:
         from ttwmr_mj import __version__
 
         print(f"ttwmr-mj {__version__}")
         parser.exit()
-
-
-def _add_scenario_options(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--set",
-        action="append",
-        default=[],
-        dest="overrides",
-        metavar="KEY.PATH=VALUE",
-        help="override one value of the scenario; may be given often",
-    )
-    parser.add_argument(
-        "--fragment", type=Path, metavar="FILE", help="TOML merged into the scenario, as of --fit"
-    )
-    parser.add_argument("--seed", type=int, help="replace the scenario's seed")
 
 
 if __name__ == "__main__":

@@ -1,14 +1,20 @@
-"""What a controller is: told the task once, asked for wheel speeds every period."""
+"""What a control law is: options in a scenario, told the task once, asked for wheel speeds."""
 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import ClassVar, get_args
 
 import numpy as np
 
+from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.references.shared.reference import Reference
+from ttwmr_mj.registry import Registry
+from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import BoolArray, FloatArray
 
@@ -18,7 +24,7 @@ class Task:
     """What a controller may know before the run.
 
     Attributes:
-        robot: every number of the robot.
+        robot: every number of the robot, as the controller is told it.
         reference: sampled at k·sampling_time_s, with samples beyond the end of the run to look
             ahead; None in open-loop experiments.
         sampling_time_s: the control period T.
@@ -32,24 +38,33 @@ class Task:
     nsim: int
     rng: np.random.Generator
 
+    @property
+    def path(self) -> ReferencePath:
+        """The reference, for laws that need one; the options' `faults` say when it is missing."""
+        assert self.reference is not None, "this law needs a reference"
+        return self.reference
+
 
 @dataclass(frozen=True, slots=True)
 class Command:
-    """Wheel speeds for the coming period.
+    """Wheel speeds for the coming period, and what the law wants to be logged with them.
 
     Attributes:
         wheel_speed_rad_s: (nsim, 2) (ω_r, ω_l).
         saturated: (nsim,) the wish was cut to what the servo can do.
         near_singular: (nsim,) the map to wheel speeds was near its singularity, standstill.
+        signals: name with its unit → (nsim,); the same names at every sample. They become columns
+            of trajectory.parquet, plots of the recording and a figure.
     """
 
     wheel_speed_rad_s: FloatArray
     saturated: BoolArray
     near_singular: BoolArray
+    signals: Mapping[str, FloatArray] = field(default_factory=dict)
 
 
 class Controller(ABC):
-    """A control law. Subclass it, or name your own subclass in a scenario as `module:Class`."""
+    """A control law. Subclass it, and name the subclass in a scenario as `module:Class`."""
 
     @abstractmethod
     def start(self, task: Task) -> None:
@@ -64,3 +79,61 @@ class Controller(ABC):
         """A command without flags, for laws that speak in wheel speeds themselves."""
         clear = np.zeros(wheel_speed_rad_s.shape[0], dtype=np.bool_)
         return Command(wheel_speed_rad_s, saturated=clear, near_singular=clear)
+
+
+class ControllerOptions(Config, ABC):
+    """Options of one law. A subclass declares `kind: Literal["its_name"] = "its_name"`.
+
+    Attributes:
+        needs_reference: whether there must be something to follow.
+    """
+
+    kind: str
+    needs_reference: ClassVar[bool] = True
+
+    @abstractmethod
+    def make(self, folder: Path) -> Controller:
+        """The law with these options, not yet started; `folder` is that of the scenario."""
+
+    def faults(self, reference: Reference, path: ReferencePath | None) -> list[Fault]:
+        """What the law needs of the reference and does not find; keys from the scenario's root.
+
+        Both `ttwmr validate` and the run ask here, and `start` relies on it.
+
+        Args:
+            reference: the scenario's.
+            path: its motion; None where there is nothing to follow.
+        """
+        if path is None:
+            if not self.needs_reference:
+                return []
+            problem = f"controller.kind = {self.kind!r} needs a reference"
+            return [Fault(key=("reference", "kind"), got=repr(reference.kind), problem=problem)]
+        return self.path_faults(reference, path)
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """The same for a reference that there is."""
+        del reference, path
+        return []
+
+
+def undefined_theta2(reference: Reference, problem: str, hint: str) -> Fault:
+    """A fault of `path_faults`: θ2 is undefined where the law needs it."""
+    key = "theta2" if "theta2" in type(reference).model_fields else "kind"
+    got = repr(getattr(reference, key))
+    return Fault(
+        key=("reference", key), got=got, problem=f"which leaves θ2 undefined {problem}", hint=hint
+    )
+
+
+def _kind_of(cls: type[ControllerOptions]) -> str | None:
+    names = get_args(cls.model_fields["kind"].annotation)
+    return names[0] if names else None
+
+
+CONTROLLERS: Registry[ControllerOptions] = Registry(
+    "ttwmr_mj.controllers",
+    ControllerOptions,  # type: ignore[type-abstract]  # only ever compared with
+    _kind_of,
+    "ttwmr_mj.controllers",
+)

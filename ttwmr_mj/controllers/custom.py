@@ -5,39 +5,57 @@ from __future__ import annotations
 import importlib
 import sys
 from pathlib import Path
+from typing import Any, ClassVar, Literal
 
-from ttwmr_mj.controllers.base import Controller
+from pydantic import Field
+
+from ttwmr_mj.controllers.base import Controller, ControllerOptions
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario.schema import CustomController
 
 
-def load_controller(options: CustomController, folder: Path) -> Controller:
+class CustomOptions(ControllerOptions):
+    """A controller of the user's own, found on the Python path or beside the scenario file."""
+
+    kind: Literal["custom"] = "custom"
+    target: str = Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="module:Class")
+    needs_reference: ClassVar[bool] = False
+    options: dict[str, Any] = Field(default={}, description="keyword arguments of the class")
+
+    def make(self, folder: Path) -> Controller:
+        """An instance of the user's class; this imports the user's module.
+
+        Raises:
+            InputError: the module or class cannot be found or made, or is no `Controller`.
+        """
+        return load_controller(self, folder)
+
+
+def load_controller(options: CustomOptions, folder: Path) -> Controller:
     """Import the module, from the scenario's folder or the Python path, and make the controller.
 
     Raises:
         InputError: the module or class cannot be found or made, or is no `Controller`.
     """
     module_name, class_name = options.target.split(":")
-    where = f"controller.target = {options.target!r}"
+    key, got = "controller.target", repr(options.target)
     sys.path.insert(0, str(folder.resolve()))
     try:
         module = importlib.import_module(module_name)
     except Exception as error:  # a user's module may raise anything
-        raise InputError(
-            f"{where}: importing {module_name} raised {type(error).__name__}: {error}; it must be "
-            f"beside the scenario ({folder}) or on the Python path"
+        raise InputError.at(
+            key,
+            f"importing {module_name} raised {type(error).__name__}: {error}",
+            got=got,
+            hint=f"it must be beside the scenario ({folder}) or on the Python path",
         ) from error
     finally:
         sys.path.pop(0)
     found = getattr(module, class_name, None)
     if not (isinstance(found, type) and issubclass(found, Controller)):
-        raise InputError(
-            f"{where}: {module_name} has no class {class_name} that derives from "
-            "ttwmr_mj.controllers.base.Controller"
-        )
+        problem = f"{module_name} has no class {class_name} that derives from ttwmr_mj.Controller"
+        raise InputError.at(key, problem, got=got)
     try:
         return found(**options.options)
     except Exception as error:
-        raise InputError(
-            f"{where}: {class_name}(**controller.options) raised {type(error).__name__}: {error}"
-        ) from error
+        problem = f"{class_name}(**controller.options) raised {type(error).__name__}: {error}"
+        raise InputError.at(key, problem, got=got) from error

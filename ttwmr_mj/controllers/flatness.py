@@ -36,18 +36,23 @@ circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: 
 
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import Literal
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.options import FlatnessController
-from ttwmr_mj.controllers.shared.friction import HitchFriction
-from ttwmr_mj.controllers.shared.observer import Observer, Seen, wheels_turn
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
+from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
+from ttwmr_mj.controllers.shared.observer import Observer, ObserverOptions, Seen, wheels_turn
 from ttwmr_mj.controllers.shared.transition import WaysBack
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.flatness import ComplexArray, dot, trailer_axes
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
@@ -56,30 +61,69 @@ FAR = 0.4  # error of F'', as a share of F'', from which on another way back is 
 LEAST_ACCELERATION_M_S2 = 1e-3  # of F in a reference; slower circles have hardly any authority
 
 
+class FlatnessOptions(ControllerOptions):
+    """Dynamic feedback linearisation of the trailer's centre of oscillation."""
+
+    kind: Literal["flatness"] = "flatness"
+    bandwidth_per_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=30,
+        description="λ: the error obeys (s + λ)⁴, nearly; left out: 3.5 times the mean turn rate "
+        "of the reference's trailer",
+    )
+    integral_share: float = Field(
+        default=0.15, ge=0, le=0.5, description="κ: the error's integral settles at κλ"
+    )
+    least_acceleration_share: float = Field(
+        default=0.3, gt=0, le=1, description="of the reference's |F''|; less makes θ2 undefined"
+    )
+    friction: FrictionOptions = FrictionOptions()
+    observer: ObserverOptions = ObserverOptions()
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return Flatness(self)
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """The law needs the centre of oscillation, accelerating."""
+        key, got, law = ("reference", "kind"), repr(reference.kind), "controller.kind = 'flatness'"
+        if path.flat_derivatives is None:
+            problem = f"{law} needs a reference of the trailer's centre of oscillation"
+            allowed = "'flat_circle', 'flat_ellipse', 'flat_arc'"
+            return [Fault(key=key, got=got, problem=problem, allowed=allowed)]
+        along = np.abs(acceleration_along(path)).min(axis=1)
+        along = np.nan_to_num(along)  # an undefined direction is that of no acceleration
+        if along.min() >= LEAST_ACCELERATION_M_S2:
+            return []
+        problem = (
+            "on which the trailer's centre of oscillation hardly accelerates at "
+            f"{path.time_s[along.argmin()]:.3g} s ({along.min():.1g} m/s²); {law} needs at least "
+            f"{LEAST_ACCELERATION_M_S2:g} m/s² everywhere"
+        )
+        return [Fault(key=key, got=got, problem=problem, hint="'tvlqr' and 'mpc' do not")]
+
+
+def acceleration_along(path: ReferencePath) -> FloatArray:
+    """(n, batch) a = F''·t of a reference of F [m/s²]; NaN where θ2 is undefined."""
+    assert path.flat_derivatives is not None, "path_faults looks for it"
+    return dot(path.flat_derivatives[:, :, 2], trailer_axes(path.theta2_rad)[0])
+
+
 class Flatness(Controller):
     """The law above, on the observer's state, with the wheel map of the article's law."""
 
-    def __init__(self, options: FlatnessController) -> None:
+    def __init__(self, options: FlatnessOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:
-        """Take the reference; raise InputError if it is not one of F."""
-        if task.reference is None or task.reference.flat_derivatives is None:
-            raise InputError(
-                "controller.kind = 'flatness' needs a reference of the trailer's centre of "
-                "oscillation: reference.kind = 'flat_circle' or 'flat_ellipse'"
-            )
-        self._flat = task.reference.flat_derivatives
-        direction, _ = trailer_axes(task.reference.theta2_rad)
-        along = dot(self._flat[:, :, 2], direction)
-        singular = np.abs(along).min(axis=1) < LEAST_ACCELERATION_M_S2
-        if singular.any():
-            time = task.reference.time_s[singular][0]
-            raise InputError(
-                f"controller.kind = 'flatness': the trailer's centre of oscillation hardly "
-                f"accelerates at {time:g} s, where its path says nothing about the trailer; use "
-                "'tvlqr' or 'mpc' there"
-            )
+        """Take the reference."""
+        path = task.path
+        assert path.flat_derivatives is not None, "path_faults looks for it"
+        self._flat = path.flat_derivatives
+        direction, _ = trailer_axes(path.theta2_rad)
+        along = acceleration_along(path)
         self._sign = np.sign(along[0])
         self._least = self._options.least_acceleration_share * np.abs(along)
         self._friction = HitchFriction(task.robot, self._options.friction)
@@ -93,7 +137,7 @@ class Flatness(Controller):
         self._along_rate = np.broadcast_to(
             dot(self._flat[0, :, 3], direction[0]), (task.nsim,)
         ).copy()
-        self._turn = task.reference.theta_rate[:, :, 1]
+        self._turn = path.theta_rate[:, :, 1]
         self._integral: ComplexArray = np.zeros(task.nsim, dtype=np.complex128)
         turn = float(np.abs(self._turn).mean())
         self._bandwidth = self._options.bandwidth_per_s or BANDWIDTH * turn

@@ -21,18 +21,41 @@ Nothing here looks at the trailer.
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario.schema import LyapunovController
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray
 
 
-def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovController) -> FloatArray:
+class LyapunovOptions(ControllerOptions):
+    """Law (32) with the gains of Table II."""
+
+    kind: Literal["lyapunov"] = "lyapunov"
+    alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")
+    alpha2: float = Field(default=10.0, gt=0, le=1e6, description="α2, on e2 = ẋ − ẋ_d")
+    alpha3: float = Field(default=25.0, gt=0, le=1e6, description="α3, on e3 = y − y_d")
+    alpha4: float = Field(default=10.0, gt=0, le=1e6, description="α4, on e4 = ẏ − ẏ_d")
+    singular_terms: Literal["omitted", "regularized", "published"] = Field(
+        default="omitted",
+        description="what becomes of e1²/e2 and e3²/e4, which Theorem 1 overlooks",
+    )
+    regularization_m_s: float = Field(
+        default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
+    )
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return Lyapunov(self)
+
+
+def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovOptions) -> FloatArray:
     """What stands for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
     if options.singular_terms == "omitted":
         return np.zeros_like(e)
@@ -42,7 +65,7 @@ def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovController
 
 
 def law(
-    e: FloatArray, e_rate: FloatArray, feedforward: FloatArray, options: LyapunovController
+    e: FloatArray, e_rate: FloatArray, feedforward: FloatArray, options: LyapunovOptions
 ) -> FloatArray:
     """(v1, v2) of Eq. 32 for errors e = (e1, e3), e_rate = (e2, e4), all (..., 2) [m/s²]."""
     damping, stiffness = gains(options)
@@ -51,7 +74,7 @@ def law(
 
 
 @cache
-def gains(options: LyapunovController) -> tuple[FloatArray, FloatArray]:
+def gains(options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
     """(α2, α4) [1/s] and (α1/α2, α3/α4) [1/s²], the gains as Eq. 32 uses them."""
     damping = np.array([options.alpha2, options.alpha4])
     return damping, np.array([options.alpha1, options.alpha3]) / damping
@@ -64,15 +87,13 @@ class Lyapunov(Controller):
     it, zero error is an exact equilibrium of the sampled loop.
     """
 
-    def __init__(self, options: LyapunovController) -> None:
+    def __init__(self, options: LyapunovOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:
-        """Take the reference; raise InputError if there is none."""
-        if task.reference is None:
-            raise InputError("controller.kind = 'lyapunov' needs a reference; got kind = 'none'")
-        self._position = task.reference.position_m
-        self._velocity = task.reference.velocity_m_s
+        """Take the reference."""
+        self._position = task.path.position_m
+        self._velocity = task.path.velocity_m_s
         self._mean_acceleration = np.diff(self._velocity, axis=0) / task.sampling_time_s
         self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
 

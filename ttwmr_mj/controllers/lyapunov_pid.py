@@ -28,19 +28,77 @@ the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errat
 
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import Literal
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.lyapunov import gains, law
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.controllers.base import Command, Controller, Task, undefined_theta2
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions, gains, law
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.scenario.schema import LyapunovPidController
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, wrap
 
 
+class LyapunovPidOptions(LyapunovOptions):
+    """Laws (47) and (70): law (32) and a correction for θ2, with the gains of Table II.
+
+    The defaults are what the article prints, but for `singular_terms`.
+    """
+
+    kind: Literal["lyapunov_pid"] = "lyapunov_pid"  # type: ignore[assignment]  # the tag of another law
+    correction: Literal["pid", "spring_damper"] = Field(
+        default="pid", description="what γ aims at: PID about θ2d (Eq. 61), or Eq. 60"
+    )
+    gamma: Literal["exact", "constant", "regularized"] = Field(
+        default="constant", description="1/D as in Eq. 48, constant ρ (Eq. 71), or D/(D² + ε²)"
+    )
+    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
+    gamma_regularization_m_s2: float = Field(
+        default=0.1, gt=0, le=1e3, description="ε of D/(D² + ε²), when regularized"
+    )
+    gamma_limit: float | None = Field(
+        default=None, gt=0, le=1e12, description="|γ| is cut to this; left out: never"
+    )
+    k_p: float = Field(default=48.0, ge=0, le=1e6, description="Table II [1/s²]")
+    k_i: float = Field(default=64.0, ge=0, le=1e6, description="Table II [1/s³]")
+    k_d: float = Field(default=12.0, ge=0, le=1e6, description="Table II [1/s]")
+    k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
+    c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
+    theta2_reference: Literal["reference", "tractor"] = Field(
+        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1"
+    )
+    anti_windup: Literal["none", "conditional"] = Field(
+        default="none",
+        description="conditional: the integral holds while γ is cut or a wheel saturates",
+    )
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return LyapunovPid(self)
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """A PID about θ2d needs a θ2d somewhere."""
+        if self.correction != "pid" or self.theta2_reference != "reference":
+            return []
+        if not np.isnan(path.theta2_rad).all():
+            return []
+        return [
+            undefined_theta2(
+                reference,
+                "everywhere; controller.theta2_reference = 'reference' needs it",
+                "give 'aligned' or 'outward' here, or 'tractor' there",
+            )
+        ]
+
+
 def denominator(
-    e_rate: FloatArray, theta2_rad: FloatArray, options: LyapunovPidController
+    e_rate: FloatArray, theta2_rad: FloatArray, options: LyapunovPidOptions
 ) -> FloatArray:
     """D = α4·e4·sin θ2 + α2·e2·cos θ2 (Eq. 48), (...), of e_rate = (e2, e4) (..., 2) [m/s²]."""
     weighted = gains(options)[0] * e_rate
@@ -57,7 +115,7 @@ def pid_acceleration(
     error_rate_rad_s: FloatArray,
     integral_rad_s: FloatArray,
     feedforward_rad_s2: FloatArray | float,
-    options: LyapunovPidController,
+    options: LyapunovPidOptions,
 ) -> FloatArray:
     """Wanted θ̈2, w of Eq. 62, (...) [rad/s²], of e5 = θ2 − θ2d (Eq. 63), its rate, its integral."""
     return np.asarray(
@@ -69,14 +127,14 @@ def pid_acceleration(
 
 
 def spring_push(
-    hitch_angle_rad: FloatArray, hitch_rate_rad_s: FloatArray, options: LyapunovPidController
+    hitch_angle_rad: FloatArray, hitch_rate_rad_s: FloatArray, options: LyapunovPidOptions
 ) -> FloatArray:
     """k_t·(θ1 − θ2) + c_t·(θ̇1 − θ̇2) of Eq. 59-60, (...), added to k·θ̈2 as Eq. 41 prints it."""
     return np.asarray(-options.k_t * hitch_angle_rad - options.c_t * hitch_rate_rad_s)
 
 
 def gamma(
-    excess: FloatArray, d: FloatArray, options: LyapunovPidController
+    excess: FloatArray, d: FloatArray, options: LyapunovPidOptions
 ) -> tuple[FloatArray, BoolArray]:
     """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut.
 
@@ -99,7 +157,7 @@ def gamma(
 
 
 def corrected(
-    v: FloatArray, e_rate: FloatArray, gamma_: FloatArray, options: LyapunovPidController
+    v: FloatArray, e_rate: FloatArray, gamma_: FloatArray, options: LyapunovPidOptions
 ) -> FloatArray:
     """v̄ = v + γ·(α4·e4, −α2·e2) (Eq. 49, 55), all (..., 2) but γ (...) [m/s²]."""
     weighted = gains(options)[0] * e_rate
@@ -115,20 +173,12 @@ class LyapunovPid(Controller):
     reference defines no θ2d the correction pauses.
     """
 
-    def __init__(self, options: LyapunovPidController) -> None:
+    def __init__(self, options: LyapunovPidOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:
-        """Take the reference; raise InputError if there is none, or none for θ2."""
-        options, reference = self._options, task.reference
-        if reference is None:
-            raise InputError("controller.kind = 'lyapunov_pid' needs a reference; got kind 'none'")
-        needs_theta2 = options.correction == "pid" and options.theta2_reference == "reference"
-        if needs_theta2 and np.isnan(reference.theta2_rad).all():
-            raise InputError(
-                "controller.theta2_reference = 'reference' needs a reference of θ2; got "
-                "reference.theta2 = 'none': give 'aligned' or 'outward' there, or 'tractor' here"
-            )
+        """Take the reference."""
+        reference = task.path
         self._reference = reference
         self._period = task.sampling_time_s
         self._swing_length_m = task.robot.swing_length_m

@@ -27,25 +27,37 @@ not depend on the machine's load.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from pathlib import Path
+from typing import Literal, NamedTuple
 
 import numpy as np
+from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.options import MpcController
 from ttwmr_mj.controllers.shared.friction import HitchFriction
 from ttwmr_mj.controllers.shared.limits import possible_command
 from ttwmr_mj.controllers.shared.observer import Observer, Seen
 from ttwmr_mj.controllers.shared.riccati import backward
 from ttwmr_mj.controllers.shared.tracking_problem import STATES, Target, TrackingProblem
-from ttwmr_mj.controllers.tvlqr import apply, fit, with_disturbances
+from ttwmr_mj.controllers.tvlqr import TvlqrOptions, apply, fit, with_disturbances
 from ttwmr_mj.dynamics.sampled import BODY, SampledModel
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, wrap
 
 STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])  # of the Gauss-Newton step; zero is the last plan
 PREDICTION_SUBSTEP_S = 0.017  # coarser than the observer's: only differences matter
+
+
+class MpcOptions(TvlqrOptions):
+    """Model predictive control along any feasible reference."""
+
+    kind: Literal["mpc"] = "mpc"  # type: ignore[assignment]  # the tag of another law
+    horizon_samples: int = Field(default=30, ge=2, le=60, description="control periods ahead")
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return Mpc(self)
 
 
 class _Plan(NamedTuple):
@@ -59,20 +71,18 @@ class _Plan(NamedTuple):
 class Mpc(Controller):
     """Real-time Gauss-Newton over a receding horizon."""
 
-    def __init__(self, options: MpcController) -> None:
+    def __init__(self, options: MpcOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:
-        """Fit the reference and its cost to go; InputError if there is no θ2 to track."""
-        if task.reference is None:
-            raise InputError("controller.kind = 'mpc' needs a reference; got kind = 'none'")
+        """Fit the reference and compute its cost to go."""
         period = task.sampling_time_s
         friction = HitchFriction(task.robot, self._options.friction)
         self._model = SampledModel(friction.believed, period)
         self._observer = Observer(task.robot, self._model, self._options.observer)
         smooth = friction.planning(period, PREDICTION_SUBSTEP_S)
         self._problem = TrackingProblem(task.robot, smooth, self._options.weights)
-        state, command = fit(self._problem, self._problem.target(task.reference))
+        state, command = fit(self._problem, self._problem.target(task.path))
         self._target = Target(state, command, self._problem.centre(state))
         decay = np.exp(-period / self._options.disturbance_time_s)
         linear = self._problem.linearise(state[:-1], command)

@@ -2,11 +2,36 @@
 
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.scenario.schema import OpenLoopController
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
+from ttwmr_mj.robot import Config
 from ttwmr_mj.sensing import Estimate
+
+
+class WheelSegment(Config):
+    """Constant wheel speeds for a while."""
+
+    duration_s: float = Field(gt=0, le=3600)
+    wheel_right_rad_s: float = Field(ge=-1e3, le=1e3)
+    wheel_left_rad_s: float = Field(ge=-1e3, le=1e3)
+
+
+class OpenLoopOptions(ControllerOptions):
+    """A list of wheel-speed segments, then standstill."""
+
+    kind: Literal["open_loop"] = "open_loop"
+    needs_reference: ClassVar[bool] = False
+    segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)]
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return OpenLoop(self)
 
 
 class OpenLoop(Controller):
@@ -15,7 +40,7 @@ class OpenLoop(Controller):
     A segment is in force at every sample that falls into it; its ends are not moved to samples.
     """
 
-    def __init__(self, options: OpenLoopController) -> None:
+    def __init__(self, options: OpenLoopOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:

@@ -22,13 +22,16 @@ What lies outside is not caught: the gains go on pulling at the reference (`mpc`
 
 from __future__ import annotations
 
-import numpy as np
+from pathlib import Path
+from typing import Literal
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.controllers.options import TvlqrController
-from ttwmr_mj.controllers.shared.friction import HitchFriction
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task, undefined_theta2
+from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.limits import possible_command
-from ttwmr_mj.controllers.shared.observer import Observer, Seen
+from ttwmr_mj.controllers.shared.observer import Observer, ObserverOptions, Seen
 from ttwmr_mj.controllers.shared.riccati import Policy, backward
 from ttwmr_mj.controllers.shared.tracking_problem import (
     DISTURBANCES,
@@ -38,9 +41,12 @@ from ttwmr_mj.controllers.shared.tracking_problem import (
     Linear,
     Target,
     TrackingProblem,
+    TrackingWeights,
 )
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, wrap
 
@@ -49,23 +55,52 @@ FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
 STEP_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a Gauss-Newton step
 
 
+class TvlqrOptions(ControllerOptions):
+    """Time-varying linear-quadratic control along any feasible reference."""
+
+    kind: Literal["tvlqr"] = "tvlqr"
+    weights: TrackingWeights = TrackingWeights()
+    disturbance_time_s: float = Field(
+        default=10.0, gt=0, le=1e4, description="how long a disturbance is taken to last"
+    )
+    friction: FrictionOptions = FrictionOptions()
+    observer: ObserverOptions = ObserverOptions()
+
+    def make(self, folder: Path) -> Controller:
+        """The law."""
+        del folder
+        return Tvlqr(self)
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """Steering the trailer needs θ2 everywhere."""
+        undefined = ~np.isfinite(path.theta).all(axis=(1, 2))
+        if not undefined.any():
+            return []
+        return [
+            undefined_theta2(
+                reference,
+                f"at {path.time_s[undefined][0]:g} s; controller.kind = {self.kind!r} steers the "
+                "trailer and needs θ2 everywhere",
+                "a circle with theta2 = 'outward', 'flat_circle' and 'planned' have it",
+            )
+        ]
+
+
 class Tvlqr(Controller):
     """Precomputed gains on the observer's state."""
 
-    def __init__(self, options: TvlqrController) -> None:
+    def __init__(self, options: TvlqrOptions) -> None:
         self._options = options
 
     def start(self, task: Task) -> None:
-        """Fit the reference, compute the gains; InputError if there is no θ2 to track."""
-        if task.reference is None:
-            raise InputError("controller.kind = 'tvlqr' needs a reference; got kind = 'none'")
+        """Fit the reference and compute the gains."""
         self._friction = friction = HitchFriction(task.robot, self._options.friction)
         self._model = SampledModel(friction.believed, task.sampling_time_s)
         self._observer = Observer(task.robot, self._model, self._options.observer)
         smooth = friction.planning(task.sampling_time_s)
         problem = TrackingProblem(task.robot, smooth, self._options.weights)
         decay = np.exp(-task.sampling_time_s / self._options.disturbance_time_s)
-        target = problem.target(task.reference)
+        target = problem.target(task.path)
         self._state, self._command = fit(problem, target)
         free = TrackingProblem(
             task.robot, friction.free(task.sampling_time_s), self._options.weights

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
+from ttwmr_mj.files import input_file
 from ttwmr_mj.robot import Config
+
+SCENE = "give a scene file, relative to the scenario, or leave the key out for the shipped one"
 
 
 class ContactOptions(Config):
@@ -20,6 +25,6 @@ class ContactOptions(Config):
     floor_friction: float = Field(
         default=0.9, gt=0, le=10, description="Coulomb coefficient, tyres and balls on the floor"
     )
-    model_path: str | None = Field(
+    model_path: Annotated[str, input_file(SCENE)] | None = Field(
         default=None, description="another scene file that includes models/ttwmr.xml"
     )

@@ -1,43 +1,24 @@
-"""The plots: which curves each shows, their names and colours, and how rows reach them."""
+"""The plots of a run: which curves each shows, their names and colours, and their values."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import rerun as rr
 from rerun.blueprint import Corner2D
 
 from ttwmr_mj.recording import style
+from ttwmr_mj.recording.series import Series, SeriesLog, StateLog
 from ttwmr_mj.recording.style import Colour
-from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.state import BoolArray, FloatArray, wrap
-
-# plot → series → values (n, curves), NaN where undefined
-Values = dict[str, dict[str, FloatArray]]
+from ttwmr_mj.state import FloatArray, wrap
 
 # What was asked for is a wide band under the thin line of what happened. The viewer draws the
 # series of a plot in the alphabetical order of their entities, so "true" comes last.
-BAND, LINE = 5.0, 2.0  # points on the screen
-
-
-@dataclass(frozen=True, slots=True)
-class Series:
-    """Curves of one entity, defined or undefined together.
-
-    Attributes:
-        names: one per curve, as the legend says.
-        colours: one per curve.
-        width: of the lines, in points on the screen.
-        stepped: values hold until the next row.
-    """
-
-    names: tuple[str, ...]
-    colours: tuple[Colour, ...]
-    width: float = LINE
-    stepped: bool = False
+BAND = 5.0  # points on the screen
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,8 +32,8 @@ class Plot:
     """
 
     title: str
-    legend: Corner2D | None
-    series: dict[str, Series]
+    legend: Corner2D | None = None
+    series: dict[str, Series] = field(default_factory=dict)
 
 
 def _against_reference(title: str, truth: Colour, legend: Corner2D) -> Plot:
@@ -67,155 +48,82 @@ def _against_reference(title: str, truth: Colour, legend: Corner2D) -> Plot:
     )
 
 
-def _single(colour: Colour) -> Series:
-    return Series(("true",), (colour,))
+def _single(title: str, colour: Colour, name: str = "true") -> Plot:
+    return Plot(title, None, {name: Series(("true",), (colour,))})
 
 
+def _angles(title: str) -> Plot:
+    lines = {
+        "theta1": Series(("θ1",), (style.TRACTOR,)),
+        "theta2": Series(("θ2",), (style.TRAILER,)),
+    }
+    return Plot(title, Corner2D.RightTop, lines)
+
+
+_WHEEL_SPEED = {
+    "command": Series(
+        ("right command", "left command"),
+        (style.COMMAND_RIGHT, style.COMMAND_LEFT),
+        width=BAND,
+        stepped=True,
+    ),
+    "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
+}
 PLOTS: dict[str, Plot] = {
     "x": _against_reference("x of P [m]", style.TRACTOR, Corner2D.RightTop),
     "y": _against_reference("y of P [m]", style.TRACTOR, Corner2D.RightTop),
     "theta1": _against_reference("θ1 of the tractor [rad]", style.TRACTOR, Corner2D.RightBottom),
     "theta2": _against_reference("θ2 of the trailer [rad]", style.TRAILER, Corner2D.RightBottom),
-    "tractor_error": Plot("position error of P [mm]", None, {"true": _single(style.TRACTOR)}),
-    "trailer_error": Plot(
-        "position error of the trailer's COM [mm]", None, {"true": _single(style.TRAILER)}
-    ),
-    "angle_error": Plot(
-        "angle errors [°]",
-        Corner2D.RightTop,
-        {
-            "theta1": Series(("θ1",), (style.TRACTOR,)),
-            "theta2": Series(("θ2",), (style.TRAILER,)),
-        },
-    ),
-    "hitch_angle": Plot("hitch angle θ2 − θ1 [°]", None, {"true": _single(style.TRAILER)}),
-    "wheel_speed": Plot(
-        "wheel speeds [rad/s]",
-        Corner2D.RightBottom,
-        {
-            "command": Series(
-                ("right command", "left command"),
-                (style.COMMAND_RIGHT, style.COMMAND_LEFT),
-                width=BAND,
-                stepped=True,
-            ),
-            "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
-        },
-    ),
-    "lyapunov": Plot("V over its start, log10 (Eq. 33)", None, {"true": _single(style.TRACTOR)}),
-    "lyapunov_rate": Plot(
-        "V′ over V [1/s]: positive where V grows",
-        Corner2D.RightTop,
-        {
-            "claimed": Series(("Eq. 36",), (style.REFERENCE,), width=BAND),
-            "true": Series(("measured",), (style.TRACTOR,)),
-        },
-    ),
-    "estimate_error": Plot("estimation error of P [mm]", None, {"seen": _single(style.ESTIMATE)}),
-    "estimate_angle_error": Plot(
-        "estimation errors of the angles [mrad]",
-        Corner2D.RightTop,
-        {
-            "theta1": Series(("θ1",), (style.TRACTOR,)),
-            "theta2": Series(("θ2",), (style.TRAILER,)),
-        },
-    ),
-    "measurement_age": Plot(
-        "age of the newest measurement [ms]", None, {"seen": _single(style.ESTIMATE)}
-    ),
+    "tractor_error": _single("position error of P [mm]", style.TRACTOR),
+    "trailer_error": _single("position error of the trailer's COM [mm]", style.TRAILER),
+    "angle_error": _angles("angle errors [°]"),
+    "hitch_angle": _single("hitch angle θ2 − θ1 [°]", style.TRAILER),
+    "wheel_speed": Plot("wheel speeds [rad/s]", Corner2D.RightBottom, _WHEEL_SPEED),
+    "estimate_error": _single("estimation error of P [mm]", style.ESTIMATE, "seen"),
+    "estimate_angle_error": _angles("estimation errors of the angles [mrad]"),
+    "measurement_age": _single("age of the newest measurement [ms]", style.ESTIMATE, "seen"),
 }
-SENSING = (
-    "estimate_error",
-    "estimate_angle_error",
-    "measurement_age",
-)  # worth a look with a camera
-LYAPUNOV = ("lyapunov", "lyapunov_rate")  # of laws that have such a function
+SENSING = ("estimate_error", "estimate_angle_error", "measurement_age")  # shown with a camera
 FLAGS = ("saturated", "near_singular")
+YES_NO = {"no": (" ", style.IDLE), "yes": ("yes", style.ALERT)}
 
 
 class Plots:
     """Everything under plots/ and flags/ in one recording."""
 
     def __init__(self, stream: rr.RecordingStream) -> None:
-        self._stream = stream
-        self._styled: set[str] = set()
-        self._was_defined: dict[str, bool] = {}
-        self._flags: dict[str, bool] = {}
-        for name in FLAGS:
-            looks = rr.StateConfiguration(
-                values=["no", "yes"], labels=[" ", "yes"], colors=[style.IDLE, style.ALERT]
-            )
-            stream.log(f"flags/{name}", looks, static=True)
+        self._series = SeriesLog(stream)
+        self._flags = {name: StateLog(stream, f"flags/{name}", YES_NO) for name in FLAGS}
 
-    def append(
-        self,
-        now: rr.TimeColumn,
-        rows: Trajectory,
-        curves: Curves,
-        more: Values | None = None,
-    ) -> None:
+    def append(self, rows: Trajectory, curves: Curves, signals: Mapping[str, FloatArray]) -> None:
         """Log the next rows of the run.
 
         Args:
-            now: the rows' times.
-            rows: n rows; the first simulation is drawn.
+            rows: n rows of one simulation.
             curves: of the same rows.
-            more: values of further plots, of the same rows.
+            signals: name → values (n, 1) of what the control law logged at the same rows.
         """
-        for plot, series in (_values(rows, curves) | (more or {})).items():
+        for plot, series in _values(rows, curves).items():
             for name, values in series.items():
-                path = f"plots/{plot}/{name}"
-                self._append_series(path, PLOTS[plot].series[name], now, rows.time_s, values)
-        for name in FLAGS:
-            self._append_flag(f"flags/{name}", rows.time_s, getattr(rows, name)[:, 0])
-
-    def _append_series(
-        self,
-        path: str,
-        series: Series,
-        now: rr.TimeColumn,
-        time_s: FloatArray,
-        values: FloatArray,
-    ) -> None:
-        """Log the rows where the curves are defined, and an empty row where they cease to be."""
-        defined: BoolArray = np.asarray(np.isfinite(values).all(axis=1))
-        before = np.append(self._was_defined.get(path, False), defined[:-1])
-        self._was_defined[path] = bool(defined[-1])
-        kept = defined | before
-        if not kept.any():
-            return
-        if path not in self._styled:
-            self._styled.add(path)
-            self._stream.log(path, _looks(series), static=True)
-        columns = rr.Scalars.columns(scalars=values[defined])
-        if not defined.all():
-            now = time_column(time_s[kept])
-            columns = columns.partition(values.shape[1] * defined[kept])
-        self._stream.send_columns(path, [now], columns)
-
-    def _append_flag(self, path: str, time_s: FloatArray, flags: BoolArray) -> None:
-        """Log the rows where the flag changes."""
-        changed: BoolArray = flags != np.append(self._flags.get(path, not flags[0]), flags[:-1])
-        self._flags[path] = bool(flags[-1])
-        if changed.any():
-            states = rr.StateChange.columns(state=np.where(flags[changed], "yes", "no").tolist())
-            self._stream.send_columns(path, [time_column(time_s[changed])], states)
+                look = PLOTS[plot].series[name]
+                self._series.append(f"plots/{plot}/{name}", look, rows.time_s, values)
+        for name, values in signals.items():
+            look = Series((name,), (style.TRACTOR,))
+            self._series.append(signal_path(name), look, rows.time_s, values)
+        for name, flag in self._flags.items():
+            flag.append(rows.time_s, np.where(getattr(rows, name)[:, 0], "yes", "no").tolist())
 
 
-def _looks(series: Series) -> rr.SeriesLines:
-    return rr.SeriesLines(
-        names=series.names,
-        colors=series.colours,
-        widths=[series.width] * len(series.names),
-        interpolation_mode="StepAfter" if series.stepped else "Linear",
-    )
+def signal_path(name: str) -> str:
+    """Where a control law's signal is in the recording."""
+    return f"plots/signals/{rr.escape_entity_path_part(name)}"
 
 
-def _values(rows: Trajectory, curves: Curves) -> Values:
-    """The values of the first simulation."""
+def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]]:
+    """Plot → series → values (n, curves), NaN where undefined."""
     q, ref_q, est_q = rows.q[:, 0], rows.ref_q[:, 0], rows.est_q[:, 0]
     seen = np.where((est_q != q).any(axis=1, keepdims=True), est_q, np.nan)
-    values: Values = {
+    values: dict[str, dict[str, FloatArray]] = {
         plot: {"true": q[:, [i]], "seen": seen[:, [i]], "reference": ref_q[:, [i]]}
         for i, plot in enumerate(("x", "y", "theta1", "theta2"))
     }

@@ -12,6 +12,7 @@ import rerun.blueprint as rrb
 import rerun_bindings
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.recording.layout import REPORT
 
 
 class RrdFile:
@@ -54,6 +55,11 @@ class RrdFile:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+    def _report(self, markdown: str) -> None:
+        """Show this in the text panel, instead of what it shows now."""
+        document = rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)
+        self._stream.log(REPORT, document, static=True)
 
     def _check_open(self) -> None:
         if not self._open:  # rerun would drop the data with a warning

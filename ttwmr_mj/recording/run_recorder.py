@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -10,17 +11,15 @@ import mujoco
 import numpy as np
 import rerun as rr
 
-from ttwmr_mj.recording.blueprint import REPORT, blueprint
-from ttwmr_mj.recording.lyapunov_curves import LyapunovCurves
+from ttwmr_mj.recording.blueprint import blueprint
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, floor_corners
-from ttwmr_mj.recording.timeline import time_column
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.curves import Curves, single
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import LyapunovController
+from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
@@ -28,12 +27,11 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord
 
-# 10 pictures a second: encoding all 30 would take a fifth of the time of a run
-SHOW_EVERY = 3
+SHOW_EVERY = 3  # 10 pictures a second: encoding all 30 would take a fifth of the time of a run
 
 
 class RunRecorder(RrdFile):
-    """Writes the first simulation of a run for the Rerun viewer.
+    """Writes one simulation of a run for the Rerun viewer.
 
     A context manager; every appended row is on disk when `append` returns, and leaving the context
     by any way closes the file.
@@ -46,7 +44,6 @@ class RunRecorder(RrdFile):
         name: of the recording, as the viewer lists it.
         summary_markdown: what is known before the run (scenario, seed, ...).
         camera: whether a camera's view will be added (`append_camera`).
-        lyapunov: gains of the law whose V to plot; None plots none.
 
     Raises:
         InputError: the file cannot be created.
@@ -62,37 +59,45 @@ class RunRecorder(RrdFile):
         name: str,
         summary_markdown: str,
         camera: bool = False,
-        lyapunov: LyapunovController | None = None,
     ) -> None:
         floor_m = floor_corners(reference)
-        shown = lyapunov is not None
-        layout = blueprint(name, reference, floor_m, camera=camera, lyapunov=shown)
-        super().__init__(path, name, layout)
+        self._layout = partial(blueprint, name, reference, floor_m, camera=camera)
+        super().__init__(path, name, self._layout())
         self._robot = robot
         self._summary = summary_markdown
+        self._signals: tuple[str, ...] = ()
         self._stream.send_property("scenario", rr.AnyValues(name=name))
         self._report(summary_markdown)
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
-        self._lyapunov = None if lyapunov is None else LyapunovCurves(lyapunov)
         self._camera: CameraView | None = None
 
     def append(self, rows: Trajectory) -> None:
         """Record the next rows, in the order of time: a second of them, or a whole run at once.
 
         Rows from the first on whose state is not finite are left out: there is no robot to draw.
+        Every signal of the control law gets a plot.
+
+        Raises:
+            ValueError: the rows are of several simulations, or the recording is closed.
         """
         self._check_open()
-        alive = np.isfinite(rows.q[:, 0]).all(axis=1)
+        alive = np.isfinite(single(rows).q[:, 0]).all(axis=1)
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         if not len(rows):
             return
-        now = time_column(rows.time_s)
         curves = Curves.of(rows, self._robot)
-        self._scene.append(now, rows, curves)
-        more = None if self._lyapunov is None else self._lyapunov.of(rows)
-        self._plots.append(now, rows, curves, more)
+        self._scene.append(rows, curves)
+        signals: Mapping[str, FloatArray] = getattr(rows, "signals", {})
+        self._show(tuple(signals))
+        self._plots.append(rows, curves, signals)
         self._stream.flush()
+
+    def _show(self, signals: tuple[str, ...]) -> None:
+        """Give new signals their plots; the layout was sent before the law said what it logs."""
+        if signals != self._signals:
+            self._signals = signals
+            self._stream.send_blueprint(self._layout(signals=signals))
 
     def append_camera(
         self, camera: CameraModel, layout: LabelLayout, records: Sequence[CameraRecord]
@@ -116,7 +121,3 @@ class RunRecorder(RrdFile):
         """Show the result above the summary."""
         self._check_open()
         self._report(f"{result_markdown}\n\n{self._summary}")
-
-    def _report(self, markdown: str) -> None:
-        document = rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)
-        self._stream.log(REPORT, document, static=True)

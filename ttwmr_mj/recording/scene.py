@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 import rerun as rr
@@ -9,84 +11,99 @@ import rerun as rr
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.poses import BodyPoses
-from ttwmr_mj.recording.timeline import time_column
+from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
-TRACTOR_PATH = "world/driven/tractor"
-TRAILER_PATH = "world/driven/trailer"
-MARKER = "world/reference/marker"
-FORCES = "world/contact_forces"
-P_MARKER = "world/tractor/P"
+WORLD = "world"
+P_MARKER = f"{WORLD}/tractor/P"
 
 VISUAL_GROUP = 2
 LAB_CORNERS_M = np.array([[-0.95, -0.71], [0.95, 0.71]])  # what the overhead camera sees
 FLOOR_MARGIN_M = 0.4
 GRID_M = 0.1
 # Lines on the floor lie apart, else they flicker through each other.
-GRID_HEIGHT_M, REFERENCE_HEIGHT_M = 0.0003, 0.0008
-DRIVEN_HEIGHT_M = {TRAILER_PATH: 0.0013, TRACTOR_PATH: 0.0018}
-MARKER_HEIGHT_M = 0.11
-FORCE_SCALE_M_N = 0.03
+GRID_HEIGHT_M, REFERENCE_HEIGHT_M, TRAILER_HEIGHT_M, TRACTOR_HEIGHT_M = 3e-4, 8e-4, 1.3e-3, 1.8e-3
+MARKER_HEIGHT_M = 0.11  # above the robot
+FORCE_SCALE_M_N = 0.03  # a contact that carries 2.5 N gets an arrow of 75 mm
+
+
+def driven_paths(root: str = WORLD) -> tuple[str, str]:
+    """The entities of the tractor's and the trailer's driven path."""
+    return f"{root}/driven/tractor", f"{root}/driven/trailer"
 
 
 class Scene:
-    """Everything under world/ in one recording."""
+    """A robot with its paths and forces under one entity of a recording, the world or a part of it.
+
+    Args:
+        stream: of the recording.
+        model: the robot to draw.
+        robot: the numbers of that robot.
+        reference: drawn as a path and a marker; None draws none.
+        floor_m: (2, 2) corners of the floor to draw; None draws none.
+        root: the entity everything is put under.
+    """
 
     def __init__(
         self,
         stream: rr.RecordingStream,
         model: mujoco.MjModel,
         robot: RobotParameters,
-        reference: ReferencePath | None,
-        floor_m: FloatArray,
+        reference: ReferencePath | None = None,
+        floor_m: FloatArray | None = None,
+        root: str = WORLD,
     ) -> None:
         self._stream = stream
+        self._root = root
         self._poses = BodyPoses(model, robot)
-        self._bodies = [_body_path(model, i) for i in range(1, model.nbody)]
+        self._bodies = [_body_path(root, model, i) for i in range(1, model.nbody)]
         self._last_points: dict[str, FloatArray] = {}
         self._marked = False
-        stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        _log_robot(stream, model)
-        stream.log(P_MARKER, rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]), static=True)
-        _log_floor(stream, floor_m)
+        if root == WORLD:
+            stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
+        _log_robot(stream, model, root)
+        marker = rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002])
+        stream.log(f"{root}/tractor/P", marker, static=True)
+        if floor_m is not None:
+            _log_floor(stream, floor_m, root)
         if reference is not None:
-            _log_reference(stream, reference, robot)
-        for path, colour in ((TRACTOR_PATH, style.TRACTOR), (TRAILER_PATH, style.TRAILER)):
+            _log_reference(stream, reference, robot, root)
+        for path, colour in zip(driven_paths(root), (style.TRACTOR, style.TRAILER), strict=True):
             line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
             stream.log(path, line, static=True)
         arrow = rr.Arrows3D.from_fields(colors=[style.FORCE], radii=[0.002])
-        stream.log(FORCES, arrow, static=True)
+        stream.log(f"{root}/contact_forces", arrow, static=True)
 
-    def append(self, now: rr.TimeColumn, rows: Trajectory, curves: Curves) -> None:
+    def append(self, rows: Trajectory, curves: Curves) -> None:
         """Log the next rows of the run.
 
         Args:
-            now: the rows' times.
-            rows: n rows; the first simulation is drawn.
+            rows: n rows of one simulation.
             curves: of the same rows.
         """
+        now = time_column(rows.time_s)
         position, quaternion = self._poses.at(rows)
         for i, body in enumerate(self._bodies, start=1):
             columns = rr.Transform3D.columns(
                 translation=position[:, i], quaternion=_xyzw(quaternion[:, i])
             )
             self._stream.send_columns(body, [now], columns)
-        self._append_path(TRACTOR_PATH, now, rows.q[:, 0, :2])
-        self._append_path(TRAILER_PATH, now, curves.trailer_com_m[:, 0])
+        tractor, trailer = driven_paths(self._root)
+        self._append_path(tractor, now, _lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M))
+        self._append_path(trailer, now, _lift(curves.trailer_com_m[:, 0], TRAILER_HEIGHT_M))
         self._append_marker(rows)
         if rows.contact_readings.shape[2]:
             self._append_forces(now, rows.contact_readings[:, 0])
 
-    def _append_path(self, path: str, now: rr.TimeColumn, points_m: FloatArray) -> None:
+    def _append_path(self, path: str, now: rr.TimeColumn, ends_m: FloatArray) -> None:
         """One segment per row, from the row before; the view shows all up to the time cursor."""
-        ends = _lift(points_m, DRIVEN_HEIGHT_M[path])
-        starts = np.vstack([self._last_points.get(path, ends[0]), ends[:-1]])
-        self._last_points[path] = ends[-1]
-        strips = np.stack([starts, ends], axis=1)
+        starts = np.vstack([self._last_points.get(path, ends_m[0]), ends_m[:-1]])
+        self._last_points[path] = ends_m[-1]
+        strips = np.stack([starts, ends_m], axis=1)
         self._stream.send_columns(path, [now], rr.LineStrips3D.columns(strips=strips))
 
     def _append_marker(self, rows: Trajectory) -> None:
@@ -95,11 +112,12 @@ class Scene:
         known = np.isfinite(points).all(axis=1)
         if not known.any():
             return
+        path = f"{self._root}/reference/marker"
         if not self._marked:
-            _log_marker(self._stream)
+            _log_marker(self._stream, path)
             self._marked = True
         columns = rr.Transform3D.columns(translation=_lift(points[known], 0.0))
-        self._stream.send_columns(MARKER, [time_column(rows.time_s[known])], columns)
+        self._stream.send_columns(path, [time_column(rows.time_s[known])], columns)
 
     def _append_forces(self, now: rr.TimeColumn, readings: FloatArray) -> None:
         contacts = read_contacts(readings)
@@ -108,16 +126,19 @@ class Scene:
             vectors=FORCE_SCALE_M_N * contacts.force_n.reshape(-1, 3),
         )
         counts = np.full(len(readings), readings.shape[1])
-        self._stream.send_columns(FORCES, [now], arrows.partition(counts))
+        path = f"{self._root}/contact_forces"
+        self._stream.send_columns(path, [now], arrows.partition(counts))
 
 
-def _log_robot(stream: rr.RecordingStream, model: mujoco.MjModel) -> None:
+def _log_robot(stream: rr.RecordingStream, model: mujoco.MjModel, root: str) -> None:
     """Log the model's visual geoms in the frames of their bodies."""
     for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
         shape = _shape(model, i)
         if shape is not None:
             name = model.geom(i).name or f"geom_{i}"
-            stream.log(f"{_body_path(model, model.geom_bodyid[i])}/{name}", shape, static=True)
+            stream.log(
+                f"{_body_path(root, model, model.geom_bodyid[i])}/{name}", shape, static=True
+            )
 
 
 def _shape(
@@ -125,29 +146,20 @@ def _shape(
 ) -> rr.Boxes3D | rr.Cylinders3D | rr.Ellipsoids3D | None:
     """A geom as Rerun draws it; None for a type the robot has no use for (planes, meshes)."""
     material = model.geom_matid[geom]
-    rgba = model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]
-    colour = [rgba]
-    centre, turn = [model.geom_pos[geom]], [_xyzw(model.geom_quat[geom])]
-    size, solid = model.geom_size[geom], rr.components.FillMode.Solid
+    size = model.geom_size[geom]
+    looks: dict[str, Any] = {
+        "centers": [model.geom_pos[geom]],
+        "quaternions": [_xyzw(model.geom_quat[geom])],
+        "colors": [model.mat_rgba[material] if material >= 0 else model.geom_rgba[geom]],
+        "fill_mode": rr.components.FillMode.Solid,
+    }
     match mujoco.mjtGeom(model.geom_type[geom]):
         case mujoco.mjtGeom.mjGEOM_BOX:
-            return rr.Boxes3D(
-                half_sizes=[size], centers=centre, quaternions=turn, colors=colour, fill_mode=solid
-            )
+            return rr.Boxes3D(half_sizes=[size], **looks)
         case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return rr.Cylinders3D(
-                radii=[size[0]],
-                lengths=[2.0 * size[1]],
-                centers=centre,
-                quaternions=turn,
-                colors=colour,
-                fill_mode=solid,
-            )
+            return rr.Cylinders3D(radii=[size[0]], lengths=[2.0 * size[1]], **looks)
         case mujoco.mjtGeom.mjGEOM_SPHERE | mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            half = model.geom_aabb[geom, 3:]
-            return rr.Ellipsoids3D(
-                half_sizes=[half], centers=centre, quaternions=turn, colors=colour, fill_mode=solid
-            )
+            return rr.Ellipsoids3D(half_sizes=[model.geom_aabb[geom, 3:]], **looks)
     return None
 
 
@@ -161,7 +173,7 @@ def floor_corners(reference: ReferencePath | None) -> FloatArray:
     return np.stack([low, high])
 
 
-def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray) -> None:
+def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray, root: str) -> None:
     """A thin plate with a line every `GRID_M`, its top at z = 0."""
     low, high = corners_m
     plate = rr.Boxes3D(
@@ -174,12 +186,12 @@ def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray) -> None:
         colors=[style.GRID],
         radii=rr.Radius.ui_points([0.5]),
     )
-    stream.log("world/floor", plate, static=True)
-    stream.log("world/floor/grid", grid, static=True)
+    stream.log(f"{root}/floor", plate, static=True)
+    stream.log(f"{root}/floor/grid", grid, static=True)
 
 
 def _log_reference(
-    stream: rr.RecordingStream, reference: ReferencePath, robot: RobotParameters
+    stream: rr.RecordingStream, reference: ReferencePath, robot: RobotParameters, root: str
 ) -> None:
     """The whole reference: P as a line, the trailer's COM as a thinner one where θ2 is defined."""
     q = reference.q[:, 0]
@@ -191,7 +203,7 @@ def _log_reference(
                 colors=[style.REFERENCE],
                 radii=rr.Radius.ui_points([width]),
             )
-            stream.log(f"world/reference/{name}", line, static=True)
+            stream.log(f"{root}/reference/{name}", line, static=True)
 
 
 def _pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
@@ -202,7 +214,7 @@ def _pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
     return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
 
 
-def _log_marker(stream: rr.RecordingStream) -> None:
+def _log_marker(stream: rr.RecordingStream, path: str) -> None:
     """A pole with a ball on top, tall enough to be seen over the robot."""
     pole = rr.LineStrips3D(
         [[[0.0, 0.0, 0.0], [0.0, 0.0, MARKER_HEIGHT_M]]], colors=[style.REFERENCE], radii=[0.0012]
@@ -213,12 +225,12 @@ def _log_marker(stream: rr.RecordingStream) -> None:
         colors=[style.REFERENCE],
         fill_mode="solid",
     )
-    stream.log(f"{MARKER}/pole", pole, static=True)
-    stream.log(f"{MARKER}/ball", ball, static=True)
+    stream.log(f"{path}/pole", pole, static=True)
+    stream.log(f"{path}/ball", ball, static=True)
 
 
-def _body_path(model: mujoco.MjModel, body: int) -> str:
-    return "world" if body == 0 else f"world/{model.body(body).name or f'body_{body}'}"
+def _body_path(root: str, model: mujoco.MjModel, body: int) -> str:
+    return root if body == 0 else f"{root}/{model.body(body).name or f'body_{body}'}"
 
 
 def _xyzw(quaternion: FloatArray) -> FloatArray:

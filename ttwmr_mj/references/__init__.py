@@ -1,1 +1,1 @@
-"""Reference trajectories, each with derivatives to the fourth."""
+"""References: what the robot shall follow, one kind per file, with its options and its motion."""

@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.path_reference import PathReference
+from ttwmr_mj.references.shared.reference import Angle, Length, Point, Rate
 from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
 from ttwmr_mj.state import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class Circle(Reference):
+class Circle(PathReference):
     """P = centre + R·(cos φ, sin φ) with φ = phase + ω·t.
 
     The article's circles: Eq. 37 has R = 1 m, ω = 0.5 rad/s, phase 0; Eq. 72-73 have R = 0.43 m,
     ω = 1/8 rad/s, phase 0.35 rad. The path parameter σ is the angle travelled, |ω|·t.
-
-    Attributes:
-        radius_m: R.
-        angular_rate_rad_s: ω; negative runs clockwise.
-        phase_rad: φ at the start.
-        centre_m: (x, y).
     """
 
-    radius_m: float
-    angular_rate_rad_s: float
-    phase_rad: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["circle"] = "circle"
+    radius_m: Length = Field(description="R; 0.43 in the laboratory, 1 in the simulation")
+    angular_rate_rad_s: Rate
+    phase_rad: Angle = Field(default=0.0, description="φ at the start")
+    centre_m: Point = (0.0, 0.0)
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the angle travelled, (n,)."""

@@ -2,36 +2,31 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.path_reference import PathReference
+from ttwmr_mj.references.shared.reference import Angle, Length, Point
 from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
 from ttwmr_mj.state import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class FigureEight(Reference):
+class FigureEight(PathReference):
     """P = centre + (W·sin φ, H·sin 2φ) with φ = phase + 2π·t/period (cf. Fig. 19).
 
     A lying eight that crosses itself at its centre, where φ = 0 and π; there the curvature
     changes sign. With H = W/2 it is the lemniscate of Gerono. The path parameter σ is the
     phase travelled, φ − phase.
-
-    Attributes:
-        half_width_m: W.
-        half_height_m: H.
-        period_s: time of one whole eight at full rate.
-        phase_rad: φ at the start.
-        centre_m: (x, y) of the crossing.
     """
 
-    half_width_m: float
-    half_height_m: float
-    period_s: float
-    phase_rad: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["figure_eight"] = "figure_eight"
+    half_width_m: Length = Field(description="W, typically 0.4")
+    half_height_m: Length = Field(description="H, typically half of W")
+    period_s: float = Field(gt=0, le=3600, description="time of one whole eight at full rate")
+    phase_rad: Angle = Field(default=0.0, description="φ at the start")
+    centre_m: Point = Field(default=(0.0, 0.0), description="where the eight crosses itself")
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the phase travelled, (n,)."""

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import comb
+from typing import Annotated, Literal
 
 import numpy as np
 from numpy.polynomial import Polynomial
+from pydantic import Field, field_validator
 
 from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
+from ttwmr_mj.references.shared.reference import Angle, Length
 from ttwmr_mj.state import FloatArray
 
 # 0 at both ends with five derivatives, 1 in the middle: the angle is C⁶, as many as F needs
@@ -16,27 +18,30 @@ BUMP = Polynomial([0.0, 4.0, -4.0]) ** 6
 BUMP_INTEGRAL = BUMP.integ()
 
 
-@dataclass(frozen=True, kw_only=True)
 class FlatArc(FlatReference):
     """F = centre + R·(cos φ, sin φ), φ from one angle to another and slowly on.
 
     φ̇ = ±(r + (p − r)·bump(t/T)), with T such that the arc takes exactly T; outside of it φ̇ = ±r.
     As r > 0 the centripetal part Rφ̇² of F'' vanishes nowhere, whatever the tangential one; but θ2
     is the direction of F'', so a small r beside p asks for quick turns (`references.feasibility`).
-
-    Attributes:
-        radius_m: R, of F.
-        angles_rad: φ where the arc begins and ends; their order gives the sense.
-        rest_rate_rad_s: r, the rate at both ends and after them.
-        peak_rate_rad_s: p, the rate in the middle.
-        centre_m: (x, y).
     """
 
-    radius_m: float
-    angles_rad: tuple[float, float]
-    rest_rate_rad_s: float
-    peak_rate_rad_s: float
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["flat_arc"] = "flat_arc"
+    radius_m: Length = Field(description="R, of F")
+    angles_rad: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
+        description="φ where the arc begins and ends; their order gives the sense"
+    )
+    rest_rate_rad_s: float = Field(
+        default=0.3, gt=0, le=50, description="r, at both ends and after them; never zero"
+    )
+    peak_rate_rad_s: float = Field(gt=0, le=50, description="p, in the middle; typically 1")
+
+    @field_validator("angles_rad")
+    @classmethod
+    def _two_angles(cls, given: tuple[float, float]) -> tuple[float, float]:
+        if given[0] == given[1]:
+            raise ValueError("two different angles are needed")
+        return given
 
     @property
     def duration_s(self) -> float:

@@ -2,35 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
+
+from pydantic import Field
 
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.shared.flat_reference import FlatReference
+from ttwmr_mj.references.shared.reference import Angle, Length, Rate
 from ttwmr_mj.state import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
 class FlatCircle(FlatReference):
     """F = centre + R·(cos φ, sin φ) with φ = phase + ω·t; P on a circle of |R ∓ k|.
 
     The hitch angle is constant: ±π/2. Outside with R < k, P runs on the far side of the centre.
-
-    Attributes:
-        radius_m: R, of F.
-        angular_rate_rad_s: ω; negative runs clockwise.
-        phase_rad: φ at the start.
-        centre_m: (x, y).
     """
 
-    radius_m: float
-    angular_rate_rad_s: float
-    phase_rad: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["flat_circle"] = "flat_circle"
+    radius_m: Length = Field(description="R, of F; typically 0.6")
+    angular_rate_rad_s: Rate
+    phase_rad: Angle = Field(default=0.0, description="φ at the start")
 
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
         """(n, 7, 2) F and its derivatives: an ellipse with equal axes."""
         ellipse = FlatEllipse(
-            robot=self.robot,
             half_axes_m=(self.radius_m, self.radius_m),
             angular_rate_rad_s=self.angular_rate_rad_s,
             phase_rad=self.phase_rad,

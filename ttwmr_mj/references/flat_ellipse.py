@@ -2,33 +2,29 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 
 from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
+from ttwmr_mj.references.shared.reference import Angle, Length, Rate
 from ttwmr_mj.state import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
 class FlatEllipse(FlatReference):
     """F = centre + Q·(A·cos φ, B·sin φ) with φ = phase + ω·t, Q a turn by `tilt_rad`.
 
     F'' = −ω²·(F − centre) points to the centre and vanishes nowhere.
-
-    Attributes:
-        half_axes_m: (A, B).
-        angular_rate_rad_s: ω; negative runs clockwise.
-        phase_rad: φ at the start.
-        tilt_rad: of the first axis, from the world's x.
-        centre_m: (x, y).
     """
 
-    half_axes_m: tuple[float, float]
-    angular_rate_rad_s: float
-    phase_rad: float = 0.0
-    tilt_rad: float = 0.0
-    centre_m: tuple[float, float] = (0.0, 0.0)
+    kind: Literal["flat_ellipse"] = "flat_ellipse"
+    half_axes_m: Annotated[tuple[Length, Length], Field(strict=False)] = Field(
+        description="A and B, of F"
+    )
+    angular_rate_rad_s: Rate
+    phase_rad: Angle = Field(default=0.0, description="φ at the start")
+    tilt_rad: Angle = Field(default=0.0, description="of the first axis, from the world's x")
 
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
         """(n, 7, 2) F and its derivatives: each is ω times the one before, a quarter turn on."""

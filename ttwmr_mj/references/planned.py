@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import io
 from dataclasses import dataclass
-from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
+from typing import Literal, Self
 
 import numpy as np
+from pydantic import Field, ValidationInfo, field_validator
 from scipy.interpolate import BSpline, make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import centre_derivatives
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.files import placed
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.references.shared.time_law import ORDERS
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -23,6 +26,7 @@ ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
 AT_REST = [(order, np.zeros(4)) for order in (1, 2, 3)]
 LENGTH_TOLERANCE_M = 1e-4  # of the swing length; a wrong one moves F by the difference
+PLANS = "python -m ttwmr_mj.planning writes such files; shipped plans have no ending"
 
 
 def shipped_plans() -> list[str]:
@@ -31,66 +35,111 @@ def shipped_plans() -> list[str]:
     return sorted(entry.name[:-4] for entry in folder.iterdir() if entry.name.endswith(".csv"))
 
 
-@dataclass(frozen=True, kw_only=True)
-class Planned:
-    """A plan: P and both angles at knots, a spline in between.
-
-    A plan that ends where it began, in motion, goes round and round; one that ends at rest holds
-    its last pose.
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """P and both angles at knots.
 
     Attributes:
-        plan: its name among the shipped ones, or a file ending in .csv.
-        robot: must have the swing length the plan was made for.
-
-    Raises:
-        InputError: there is no such plan, it is damaged, or it was made for another robot.
+        time_s: (n,) rising from zero.
+        q: (n, 4) x, y, θ1, θ2 there, angles unwrapped.
+        swing_length_m: of the trailer it was made for.
+        periodic: it ends where it began, in motion, and goes round; else it ends at rest.
     """
 
-    plan: str
-    robot: RobotParameters
+    time_s: FloatArray
+    q: FloatArray
+    swing_length_m: float
+    periodic: bool
 
-    def __post_init__(self) -> None:
-        found = Path(self.plan).is_file() if self.plan.endswith(".csv") else None
-        if not (self.plan in shipped_plans() if found is None else found):
-            raise InputError(
-                f"reference.plan: got {self.plan!r}; allowed: {', '.join(shipped_plans())}, or a "
-                "file of python -m ttwmr_mj.planning"
-            )
-        try:
-            length, ends = float(self._notes["swing_length_m"]), self._notes["ends"]
-            table = self._table
-        except (KeyError, ValueError) as error:  # a note is missing, or no number is one
-            raise InputError(self._damaged()) from error
-        whole = table.ndim == 2 and table.shape[1] == len(COLUMNS) and len(table) > DEGREE
-        sound = whole and np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()
-        if not (sound and ends in ENDS):
-            raise InputError(self._damaged())
-        if abs(length - self.robot.swing_length_m) > LENGTH_TOLERANCE_M:
-            raise InputError(
-                f"reference.plan: {self.plan} was made for a trailer with l + J2/(m2·l) = "
-                f"{length:g} m, got {self.robot.swing_length_m:g} m: restore robot.trailer, or "
-                "make a plan for this robot with ttwmr_mj.planning"
-            )
+    @classmethod
+    def read(cls, name: str) -> Self:
+        """Read a shipped plan, or a file ending in .csv.
 
-    def _damaged(self) -> str:
-        return (
-            f"reference.plan: {self.plan} is no plan; allowed: a file of python -m "
-            "ttwmr_mj.planning, with its notes (# swing_length_m, # ends) and the columns "
-            f"{', '.join(COLUMNS)} of finite numbers, times rising"
+        Raises:
+            ValueError: it is not a valid plan; says why.
+            OSError: it cannot be read.
+        """
+        shipped = files("ttwmr_mj.references") / "data" / f"{name}.csv"
+        source = Path(name) if name.endswith(".csv") else shipped
+        lines = source.read_text(encoding="utf-8").splitlines()
+        notes = dict(
+            line[2:].split(": ", 1) for line in lines if line.startswith("# ") and ": " in line
         )
+        for note in ("swing_length_m", "ends"):
+            if note not in notes:
+                raise ValueError(f"it lacks the note {note}")
+        if notes["ends"] not in ENDS:
+            raise ValueError(f"its note ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
+        rows = [line for line in lines if not line.startswith("#")]
+        table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
+        if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) <= DEGREE:
+            raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(COLUMNS)}")
+        if not (np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()):
+            raise ValueError("its numbers are not all finite, or its times do not rise")
+        length = float(notes["swing_length_m"])
+        return cls(table[:, 0], table[:, 1:], length, notes["ends"] == ENDS[0])
 
     @property
     def duration_s(self) -> float:
         """Of the plan, or of one round."""
-        return float(self._table[-1, 0])
+        return float(self.time_s[-1])
 
-    def sample(self, time_s: FloatArray) -> ReferencePath:
+    def spline(self) -> BSpline:
+        """(4,) x, y, θ1, θ2 over time."""
+        if not self.periodic:
+            return make_interp_spline(self.time_s, self.q, k=DEGREE, bc_type=(AT_REST, AT_REST))
+        closed = np.concatenate([self.q[:-1], self.q[:1]])  # equal but for rounding: it insists
+        spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
+        spline.extrapolate = "periodic"
+        return spline
+
+
+class Planned(Reference):
+    """A plan: P and both angles at knots, a spline in between.
+
+    A plan that ends where it began, in motion, goes round and round; one that ends at rest holds
+    its last pose.
+    """
+
+    kind: Literal["planned"] = "planned"
+    plan: str = Field(
+        description="a shipped plan (figure_eight, rest_to_rest, …), or a file ending in .csv "
+        "that python -m ttwmr_mj.planning wrote"
+    )
+
+    @field_validator("plan")
+    @classmethod
+    def _beside_the_scenario(cls, given: str, info: ValidationInfo) -> str:
+        return placed(given, info, PLANS) if given.endswith(".csv") else given
+
+    def faults(self, robot: RobotParameters) -> list[Fault]:
+        """No such plan, a damaged one, or one for another robot."""
+        key, got = ("plan",), repr(self.plan)
+        if not self.plan.endswith(".csv") and self.plan not in shipped_plans():
+            allowed = f"{', '.join(shipped_plans())}, or a file of python -m ttwmr_mj.planning"
+            return [Fault(key=key, got=got, allowed=allowed)]
+        try:
+            plan = Plan.read(self.plan)
+        except (ValueError, OSError) as error:
+            return [Fault(key=key, got=got, problem=f"is not a valid plan: {error}", hint=PLANS)]
+        if abs(plan.swing_length_m - robot.swing_length_m) <= LENGTH_TOLERANCE_M:
+            return []
+        problem = (
+            f"was made for a trailer with l + J2/(m2·l) = {plan.swing_length_m:g} m; this one has "
+            f"{robot.swing_length_m:g} m"
+        )
+        hint = "restore robot.trailer, or make a plan for this robot: python -m ttwmr_mj.planning"
+        return [Fault(key=key, got=got, problem=problem, hint=hint)]
+
+    def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
         """The reference at times (n,) [s], with a batch axis of one."""
+        plan = Plan.read(self.plan)
+        spline = plan.spline()
         time_s = np.asarray(time_s, dtype=np.float64)
-        within = time_s if self._periodic else np.minimum(time_s, self.duration_s)
-        orders = np.stack([self._spline(within, order) for order in range(ORDERS)])
-        if not self._periodic:
-            orders[1:, time_s > self.duration_s] = 0.0
+        within = time_s if plan.periodic else np.minimum(time_s, plan.duration_s)
+        orders = np.stack([spline(within, order) for order in range(ORDERS)])
+        if not plan.periodic:
+            orders[1:, time_s > plan.duration_s] = 0.0
         position = np.moveaxis(orders[..., :2], 0, 1)
         theta = np.moveaxis(orders[..., 2:], 0, 1)
         return ReferencePath(
@@ -99,38 +148,5 @@ class Planned:
             theta=theta[:, None, 0],
             theta_rate=theta[:, None, 1],
             theta_acceleration=theta[:, None, 2],
-            flat_derivatives=centre_derivatives(position, theta[..., 1], self.robot)[:, None],
+            flat_derivatives=centre_derivatives(position, theta[..., 1], robot)[:, None],
         )
-
-    @cached_property
-    def _text(self) -> str:
-        if self.plan.endswith(".csv"):
-            return Path(self.plan).read_text(encoding="utf-8")
-        shipped = files("ttwmr_mj.references") / "data" / f"{self.plan}.csv"
-        return shipped.read_text(encoding="utf-8")
-
-    @cached_property
-    def _notes(self) -> dict[str, str]:
-        """The `# key: value` lines above the table."""
-        lines = (line[2:] for line in self._text.splitlines() if line.startswith("# "))
-        return dict(line.split(": ", 1) for line in lines if ": " in line)
-
-    @cached_property
-    def _table(self) -> FloatArray:
-        """(n, 5) the columns of COLUMNS."""
-        rows = [line for line in self._text.splitlines() if not line.startswith("#")]
-        return np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
-
-    @property
-    def _periodic(self) -> bool:
-        return self._notes["ends"] == ENDS[0]
-
-    @cached_property
-    def _spline(self) -> BSpline:
-        time, values = self._table[:, 0], self._table[:, 1:]
-        if not self._periodic:
-            return make_interp_spline(time, values, k=DEGREE, bc_type=(AT_REST, AT_REST))
-        values[-1] = values[0]  # equal but for rounding; the spline insists
-        spline = make_interp_spline(time, values, k=DEGREE, bc_type="periodic")
-        spline.extrapolate = "periodic"
-        return spline

@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.references.shared.path_reference import PathReference
+from ttwmr_mj.references.shared.reference import Angle, Point
 from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
 from ttwmr_mj.state import FloatArray
 
 
-@dataclass(frozen=True, kw_only=True)
-class StraightLine(Reference):
+class StraightLine(PathReference):
     """P = start + s·(cos heading, sin heading), the distance s growing at constant speed for ever.
 
     A line has no outside: with theta2="outward", θ2 is NaN throughout.
-
-    Attributes:
-        speed_m_s: speed along the line.
-        start_m: (x, y) at the start.
-        heading_rad: direction of travel.
     """
 
-    speed_m_s: float
-    start_m: tuple[float, float] = (0.0, 0.0)
-    heading_rad: float = 0.0
+    kind: Literal["straight_line"] = "straight_line"
+    speed_m_s: float = Field(gt=0, le=100, description="along the line, typically 0.1 to 0.5")
+    start_m: Point = (0.0, 0.0)
+    heading_rad: Angle = Field(default=0.0, description="direction of travel")
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the distance travelled, (n,) [m]."""

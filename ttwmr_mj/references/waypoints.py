@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
+from typing import Annotated, Literal
 
 import numpy as np
+from pydantic import Field
 from scipy.interpolate import BSpline, make_interp_spline
 
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.references.shared.path_reference import Reference
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.path_reference import PathReference
+from ttwmr_mj.references.shared.reference import Point
 from ttwmr_mj.references.shared.time_law import ORDERS, TimeLaw
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
 DEGREE = 5  # continuous to the fourth derivative
-MIN_WAYPOINTS = 3
 # Third and fourth derivative zero at a free end: the least ∫|p'''|² of all curves.
 FREE_END = [(3, np.zeros(2)), (4, np.zeros(2))]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Waypoints(Reference):
+class Waypoints(PathReference):
     """A quintic spline through waypoints, four times continuously differentiable.
 
     The path parameter σ is the chord length: the sum of straight distances from waypoint to
@@ -30,43 +30,38 @@ class Waypoints(Reference):
 
     An open curve ends in a smooth stop of `stop_s` and then holds its last waypoint, at rest and
     with its last heading. A closed one goes on round after round.
-
-    Attributes:
-        points_m: waypoints (x, y), three or more, neighbours distinct; a closed curve returns to
-            the first by itself.
-        speed_m_s: rate of the chord length.
-        closed: whether the last waypoint leads to the first.
-        stop_s: duration of the stop of an open curve.
-
-    Raises:
-        InputError: too few waypoints, neighbours that coincide, or a curve too short for its
-            start and stop.
     """
 
-    points_m: tuple[tuple[float, float], ...]
-    speed_m_s: float
-    closed: bool = False
-    stop_s: float = 1.0
+    kind: Literal["waypoints"] = "waypoints"
+    points_m: Annotated[tuple[Point, ...], Field(strict=False, min_length=3, max_length=10_000)] = (
+        Field(description="waypoints (x, y), neighbours distinct")
+    )
+    speed_m_s: float = Field(gt=0, le=100, description="of the chord length, typically 0.05 to 0.5")
+    closed: bool = Field(default=False, description="whether the last point leads to the first")
+    stop_s: float = Field(default=1.0, ge=0, le=600, description="an open curve's stop takes this")
 
-    def __post_init__(self) -> None:
-        if len(self.points_m) < MIN_WAYPOINTS:
-            raise InputError(
-                f"waypoints: got {len(self.points_m)}, a curve needs at least {MIN_WAYPOINTS}"
-            )
+    def faults(self, robot: RobotParameters) -> list[Fault]:
+        """Neighbours that coincide; a curve too short for its start and stop."""
+        del robot
         repeated = np.flatnonzero(self._legs_m == 0.0)
-        if repeated.size:
-            first = int(repeated[0])
-            second = (first + 1) % len(self.points_m)
-            hint = "; a closed curve needs no copy of its first" if second == 0 else ""
-            raise InputError(
-                f"waypoints {first} and {second} are the same point {self.points_m[first]}: "
-                f"neighbours must differ{hint}"
+        if not repeated.size:
+            fault = self.time_law().fault()
+            return [fault] if fault else []
+        first = int(repeated[0])
+        second = (first + 1) % len(self.points_m)
+        return [
+            Fault(
+                key=("points_m", first),
+                got=str(self.points_m[first]),
+                problem=f"which point {second} repeats: neighbours must differ",
+                hint="a closed curve needs no copy of its first point" if second == 0 else "",
             )
-        self.time_law()
+        ]
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the chord length, (n,) [m]."""
-        return np.stack([self._spline(sigma, order) for order in range(ORDERS)])
+        spline = self._spline
+        return np.stack([spline(sigma, order) for order in range(ORDERS)])
 
     def time_law(self) -> TimeLaw:
         """Constant rate of the chord length, with a stop at the end of an open curve."""
@@ -81,22 +76,22 @@ class Waypoints(Reference):
         """Chord length of the whole curve, of one round if closed."""
         return float(self._knots_m[-1])
 
-    @cached_property
+    @property
     def _corners_m(self) -> FloatArray:
         """(n, 2) waypoints, with the first again at the end if closed."""
         return np.array([*self.points_m, *self.points_m[: int(self.closed)]])
 
-    @cached_property
+    @property
     def _legs_m(self) -> FloatArray:
         """(n − 1,) straight distances between neighbours."""
         return np.asarray(np.linalg.norm(np.diff(self._corners_m, axis=0), axis=-1))
 
-    @cached_property
+    @property
     def _knots_m(self) -> FloatArray:
         """(n,) chord length at the corners."""
         return np.concatenate([[0.0], np.cumsum(self._legs_m)])
 
-    @cached_property
+    @property
     def _spline(self) -> BSpline:
         ends = "periodic" if self.closed else (FREE_END, FREE_END)
         spline = make_interp_spline(self._knots_m, self._corners_m, k=DEGREE, bc_type=ends)

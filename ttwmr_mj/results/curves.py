@@ -9,11 +9,11 @@ import numpy as np
 from ttwmr_mj.results.metrics import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, FloatArray, wrap
+from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap
 
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """(..., 2) the trailer's COM, P − l·(cos θ2, sin θ2), for q (..., 4) [m]; NaN where θ2 is."""
+    """(..., 2) the first trailer's COM, P − l·(cos θ2, sin θ2) [m]; NaN where θ2 of q is."""
     return point_behind(q, robot.trailer.com_offset_m)
 
 
@@ -22,10 +22,11 @@ class Curves:
     """What follows from a trajectory, row by row; NaN where the reference defines nothing.
 
     Attributes:
-        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the trailer's COM, true and reference.
+        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the first trailer's COM, true and
+            reference.
         tractor_error_m: (n, nsim) distance of P from its reference.
-        trailer_error_m: (n, nsim) distance of the trailer's COM from its reference.
-        theta_error_rad: (n, nsim, 2) θ1 and θ2 minus their references, in [−π, π).
+        trailer_error_m: (n, nsim) distance of that COM from its reference.
+        theta_error_rad: (n, nsim, 1 + trailers) θ1, θ2, … minus their references, in [−π, π).
         hitch_angle_rad: (n, nsim) θ2 − θ1.
     """
 
@@ -46,8 +47,19 @@ class Curves:
             tractor_error_m=_distance(rows.q[..., :2], rows.ref_q[..., :2]),
             trailer_error_m=_distance(com, ref_com),
             theta_error_rad=wrap(rows.q[..., THETA1:] - rows.ref_q[..., THETA1:]),
-            hitch_angle_rad=rows.q[..., THETA2] - rows.q[..., THETA1],
+            hitch_angle_rad=hitch_angles(rows.q)[..., 0],
         )
+
+
+def single(rows: Trajectory) -> Trajectory:
+    """The same rows, which must be of one simulation: who reads one of several names it.
+
+    Raises:
+        ValueError: they are of several, or of none.
+    """
+    if rows.nsim != 1:
+        raise ValueError(f"got {rows.nsim} simulations, allowed: 1; pick one: simulation(index)")
+    return rows
 
 
 def _distance(a: FloatArray, b: FloatArray) -> FloatArray:

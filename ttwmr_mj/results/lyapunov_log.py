@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.scenario.schema import LyapunovController
 from ttwmr_mj.state import FloatArray
 
 LYAPUNOV_FILE = "lyapunov.parquet"
@@ -49,7 +49,7 @@ class LyapunovLog:
         return float((self.v_rate > 1e-6 * self.v[0]).mean())
 
 
-def lyapunov_log(trajectory: Trajectory, options: LyapunovController) -> LyapunovLog:
+def lyapunov_log(trajectory: Trajectory, options: LyapunovOptions) -> LyapunovLog:
     """V and V' of the first simulation, from the true state."""
     alive = np.isfinite(trajectory.q[:, 0]).all(axis=1)
     time_s = trajectory.time_s[alive]
@@ -63,9 +63,7 @@ def lyapunov_log(trajectory: Trajectory, options: LyapunovController) -> Lyapuno
     )
 
 
-def lyapunov_function(
-    rows: Trajectory, options: LyapunovController
-) -> tuple[FloatArray, FloatArray]:
+def lyapunov_function(rows: Trajectory, options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
     """V (n,) of Eq. 33 and 44 and V' (n,) as Eq. 36 and 46 claim it, of the first simulation."""
     e = (rows.q - rows.ref_q)[:, 0, :2]
     e_rate = (rows.q_rate - rows.ref_q_rate)[:, 0, :2]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,22 +15,31 @@ from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 if TYPE_CHECKING:
     import pyarrow as pa
 
-Q_NAMES = ("x_m", "y_m", "theta1_rad", "theta2_rad")
-RATE_NAMES = ("x_rate_m_s", "y_rate_m_s", "theta1_rate_rad_s", "theta2_rate_rad_s")
 WHEEL_NAMES = ("wheel_right", "wheel_left")
+
+
+def q_names(width: int) -> tuple[str, ...]:
+    """Column names of q (..., width): x_m, y_m, theta1_rad, theta2_rad and so on."""
+    return ("x_m", "y_m", *(f"theta{i}_rad" for i in range(1, width - 1)))
+
+
+def rate_names(width: int) -> tuple[str, ...]:
+    """Column names of q's rates (..., width): x_rate_m_s to theta2_rate_rad_s and so on."""
+    return ("x_rate_m_s", "y_rate_m_s", *(f"theta{i}_rate_rad_s" for i in range(1, width - 1)))
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """A batch of runs, sampled at the control period; row k is what was true at time_s[k].
 
-    World frame, SI units, angles unwrapped; the columns of q are x, y of P, θ1, θ2 (Eq. 2).
+    World frame, SI units, angles unwrapped; the columns of q are x, y of P, θ1, θ2 (Eq. 2)
+    and the angles of further trailers: width = 3 + trailers.
 
     Attributes:
         time_s: (n,).
-        q, q_rate: (n, nsim, 4) the plant's truth.
-        ref_q, ref_q_rate: (n, nsim, 4) the reference, NaN where it defines none.
-        est_q, est_q_rate: (n, nsim, 4) what the controller saw.
+        q, q_rate: (n, nsim, width) the plant's truth.
+        ref_q, ref_q_rate: (n, nsim, width) the reference, NaN where it defines none.
+        est_q, est_q_rate: (n, nsim, width) what the controller saw.
         wheel_command_rad_s: (n, nsim, 2) commanded from this sample on (right, left).
         wheel_speed_rad_s: (n, nsim, 2) true wheel speeds (right, left).
         est_valid: (n, nsim) False where the sensor was blind and said so.
@@ -68,21 +78,23 @@ class Trajectory:
         return int(self.q.shape[1])
 
     @classmethod
-    def empty(cls, time_s: FloatArray, nsim: int, nq: int = 0, ncontact: int = 0) -> Trajectory:
+    def empty(
+        cls, time_s: FloatArray, nsim: int, nq: int = 0, ncontact: int = 0, *, trailers: int = 1
+    ) -> Trajectory:
         """Rows for the given times, to be filled in place by the experiment."""
-        n = time_s.shape[0]
+        n, width = time_s.shape[0], 3 + trailers
 
         def unknown(width: int) -> FloatArray:
             return np.full((n, nsim, width), np.nan)
 
         return cls(
             time_s=time_s,
-            q=unknown(4),
-            q_rate=unknown(4),
-            ref_q=unknown(4),
-            ref_q_rate=unknown(4),
-            est_q=unknown(4),
-            est_q_rate=unknown(4),
+            q=unknown(width),
+            q_rate=unknown(width),
+            ref_q=unknown(width),
+            ref_q_rate=unknown(width),
+            est_q=unknown(width),
+            est_q_rate=unknown(width),
             wheel_command_rad_s=unknown(2),
             wheel_speed_rad_s=unknown(2),
             est_valid=np.ones((n, nsim), dtype=np.bool_),
@@ -115,13 +127,8 @@ def to_table(trajectory: Trajectory) -> pa.Table:
 
     one = {f.name: getattr(trajectory, f.name)[:, 0] for f in fields(trajectory)[1:]}
     columns: dict[str, FloatArray] = {"time_s": trajectory.time_s}
-    for prefix, q, rate in (
-        ("", "q", "q_rate"),
-        ("ref_", "ref_q", "ref_q_rate"),
-        ("est_", "est_q", "est_q_rate"),
-    ):
-        for names, values in ((Q_NAMES, one[q]), (RATE_NAMES, one[rate])):
-            columns |= {prefix + name: values[:, i] for i, name in enumerate(names)}
+    for prefix in ("", "ref_", "est_"):
+        columns |= _state_columns(one[prefix + "q"], one[prefix + "q_rate"], prefix)
     for suffix, values in (
         ("_cmd_rad_s", one["wheel_command_rad_s"]),
         ("_rad_s", one["wheel_speed_rad_s"]),
@@ -132,6 +139,13 @@ def to_table(trajectory: Trajectory) -> pa.Table:
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
 
+def _state_columns(q: FloatArray, q_rate: FloatArray, prefix: str = "") -> dict[str, FloatArray]:
+    """Column name → (n,) values, for a state (n, width) and its rates."""
+    width = q.shape[-1]
+    names, values = (*q_names(width), *rate_names(width)), np.hstack([q, q_rate])
+    return {prefix + name: values[:, i] for i, name in enumerate(names)}
+
+
 def physics_rate_table(
     time_s: FloatArray, state: RobotState, wheel_speed_rad_s: FloatArray
 ) -> pa.Table:
@@ -139,14 +153,12 @@ def physics_rate_table(
 
     Args:
         time_s: (n,) times.
-        state: q and rates (nsim, n, 4).
+        state: q and rates (nsim, n, width).
         wheel_speed_rad_s: (nsim, n, 2).
     """
     import pyarrow as pa
 
-    columns = {"time_s": time_s}
-    columns |= {name: state.q[0, :, i] for i, name in enumerate(Q_NAMES)}
-    columns |= {name: state.q_rate[0, :, i] for i, name in enumerate(RATE_NAMES)}
+    columns = {"time_s": time_s} | _state_columns(state.q[0], state.q_rate[0])
     columns |= {n + "_rad_s": wheel_speed_rad_s[0, :, i] for i, n in enumerate(WHEEL_NAMES)}
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
@@ -163,26 +175,28 @@ def read_parquet(path: Path) -> Trajectory:
     try:
         table = pq.read_table(path)
     except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(f"{path}: cannot be read as a trajectory: {error}") from error
+        raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
+    angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
+    width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
 
-    def columns(names: tuple[str, ...]) -> FloatArray:
-        missing = [name for name in names if name not in table.column_names]
+    def columns(names: tuple[str, ...], prefix: str = "") -> FloatArray:
+        wanted = [prefix + name for name in names]
+        missing = [name for name in wanted if name not in table.column_names]
         if missing:
-            raise InputError(f"{path}: is no trajectory.parquet, it lacks {', '.join(missing)}")
-        return np.stack([table[name].to_numpy() for name in names], axis=-1)[:, None]
-
-    def prefixed(prefix: str, names: tuple[str, ...]) -> FloatArray:
-        return columns(tuple(prefix + name for name in names))
+            raise InputError(
+                f"no trajectory.parquet: it lacks {', '.join(missing)}", file=str(path)
+            )
+        return np.stack([table[name].to_numpy() for name in wanted], axis=-1)[:, None]
 
     time_s = columns(("time_s",))[:, 0, 0]
     return replace(
-        Trajectory.empty(time_s, nsim=1),
-        q=columns(Q_NAMES),
-        q_rate=columns(RATE_NAMES),
-        ref_q=prefixed("ref_", Q_NAMES),
-        ref_q_rate=prefixed("ref_", RATE_NAMES),
-        est_q=prefixed("est_", Q_NAMES),
-        est_q_rate=prefixed("est_", RATE_NAMES),
+        Trajectory.empty(time_s, nsim=1, trailers=width - 3),
+        q=columns(q_names(width)),
+        q_rate=columns(rate_names(width)),
+        ref_q=columns(q_names(width), "ref_"),
+        ref_q_rate=columns(rate_names(width), "ref_"),
+        est_q=columns(q_names(width), "est_"),
+        est_q_rate=columns(rate_names(width), "est_"),
         wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
         wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
         est_valid=columns(("est_valid",))[..., 0] > 0,

@@ -7,89 +7,46 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.controllers.base import Controller
-from ttwmr_mj.controllers.custom import load_controller
-from ttwmr_mj.controllers.flatness import Flatness
-from ttwmr_mj.controllers.lyapunov import Lyapunov
-from ttwmr_mj.controllers.lyapunov_pid import LyapunovPid
-from ttwmr_mj.controllers.mpc import Mpc
-from ttwmr_mj.controllers.open_loop import OpenLoop
-from ttwmr_mj.controllers.options import FlatnessController, MpcController, TvlqrController
-from ttwmr_mj.controllers.tvlqr import Tvlqr
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.references.figure_eight import FigureEight
-from ttwmr_mj.references.flat_arc import FlatArc
-from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.references.flat_ellipse import FlatEllipse
-from ttwmr_mj.references.planned import Planned
-from ttwmr_mj.references.shared.flat_reference import FlatReference
-from ttwmr_mj.references.shared.path import ReferencePath, Samples
-from ttwmr_mj.references.shared.path_reference import Reference
-from ttwmr_mj.references.straight_line import StraightLine
-from ttwmr_mj.references.waypoints import Waypoints
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import (
-    AtRest,
-    LyapunovController,
-    LyapunovPidController,
-    OpenLoopController,
-    Scenario,
-)
+from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
 
-LOOKAHEAD_SAMPLES = 64  # reference samples beyond the run's end, for laws that look ahead
-
-_REFERENCES: dict[str, type[Reference]] = {
-    "circle": Circle,
-    "figure_eight": FigureEight,
-    "straight_line": StraightLine,
-    "waypoints": Waypoints,
-}
-_FLAT_REFERENCES: dict[str, type[FlatReference]] = {
-    "flat_circle": FlatCircle,
-    "flat_ellipse": FlatEllipse,
-    "flat_arc": FlatArc,
-}
-
-
-def make_reference(scenario: Scenario) -> Samples | None:
-    """The reference trajectory, or None for open-loop experiments."""
-    section = scenario.reference
-    if section.kind == "none":
-        return None
-    if section.kind == "planned":
-        return Planned(plan=section.plan, robot=scenario.robot)
-    if section.kind in _FLAT_REFERENCES:
-        settings = dict(section.model_dump(exclude={"kind"}))
-        return _FLAT_REFERENCES[section.kind](robot=scenario.robot, **settings)
-    return _REFERENCES[section.kind](**dict(section.model_dump(exclude={"kind"})))
-
 
 def sample_reference(scenario: Scenario) -> ReferencePath | None:
-    """The reference at every control sample of the run and a little beyond."""
-    reference = make_reference(scenario)
-    if reference is None:
-        return None
-    count = scenario.periods + 1 + LOOKAHEAD_SAMPLES
-    return reference.sample(scenario.control.sampling_time_s * np.arange(count, dtype=np.float64))
+    """The reference at every control sample of the run and a little beyond; None without one.
+
+    Raises:
+        InputError: the robot cannot have this reference.
+    """
+    faults = scenario.reference.faults(scenario.believed_robot)
+    if faults:
+        raise InputError(*(fault.within("reference") for fault in faults))
+    times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
+    return scenario.reference.sample(times, scenario.believed_robot)
 
 
-def driven_robot(scenario: Scenario) -> RobotParameters:
-    """The robot that is driven, which may be heavier than the one the controller believes in."""
-    factor, robot = scenario.plant.tractor_mass_factor, scenario.robot
-    if factor == 1.0:
-        return robot
-    changed = {
-        "mass_kg": factor * robot.tractor.mass_kg,
-        "yaw_inertia_kg_m2": factor * robot.tractor.yaw_inertia_kg_m2,
-    }
-    return robot.model_copy(update={"tractor": robot.tractor.model_copy(update=changed)})
+def refuse_trains(robot: RobotParameters) -> None:
+    """No plant drives more than one trailer yet.
+
+    Raises:
+        InputError: the robot tows several.
+    """
+    if (count := len(robot.trailers)) > 1:
+        raise InputError.at("robot.trailers", got=f"{count} trailers", allowed="one, for now")
 
 
 def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
-    """The plant, not yet reset."""
-    options, robot = scenario.plant, driven_robot(scenario)
+    """The plant, not yet reset.
+
+    Raises:
+        InputError: no plant can drive this robot.
+    """
+    options, robot = scenario.plant, scenario.robot
+    refuse_trains(robot)
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
@@ -112,22 +69,18 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     return ContactPlant(robot, options.contact, nsim=nsim)
 
 
-def make_controller(scenario: Scenario, folder: Path) -> Controller:
-    """The controller, not yet started; `folder` is where a custom one is looked for first."""
-    section = scenario.controller
-    if isinstance(section, LyapunovPidController):  # before its base class
-        return LyapunovPid(section)
-    if isinstance(section, LyapunovController):
-        return Lyapunov(section)
-    if isinstance(section, FlatnessController):
-        return Flatness(section)
-    if isinstance(section, MpcController):  # before its base class
-        return Mpc(section)
-    if isinstance(section, TvlqrController):
-        return Tvlqr(section)
-    if isinstance(section, OpenLoopController):
-        return OpenLoop(section)
-    return load_controller(section, folder)
+def make_controller(
+    scenario: Scenario, reference: ReferencePath | None, folder: Path
+) -> Controller:
+    """The controller, not yet started; `folder` is where a custom one is looked for first.
+
+    Raises:
+        InputError: it cannot follow this reference, or is a custom one that cannot be made.
+    """
+    faults = scenario.controller.faults(scenario.reference, reference)
+    if faults:
+        raise InputError(*faults)
+    return scenario.controller.make(folder)
 
 
 def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path) -> Sensor:
@@ -151,7 +104,7 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     return CameraSensor(
         section,
         find_calibration(section, calibration_rng, folder).camera,
-        scenario.robot,
+        scenario.believed_robot,
         build_model(scenario.robot, contact, scene),
         period_s=period,
         nsim=plant.nsim,

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.files import write_json, write_parquet
 from ttwmr_mj.results.lyapunov_log import lyapunov_log, write_lyapunov
 from ttwmr_mj.results.metrics import Metrics, score
@@ -15,7 +16,7 @@ from ttwmr_mj.run.background import Background
 from ttwmr_mj.run.experiment import Experiment, Outcome, Result
 from ttwmr_mj.run.folder import write_manifest, write_resolved
 from ttwmr_mj.run.stopwatch import Stopwatch
-from ttwmr_mj.scenario.schema import LyapunovController, Scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
@@ -93,17 +94,17 @@ def run_scenario(
         write_parquet(physics_rate_table(*contact.physics_rate_states()), folder / PHYSICS_FILE)
     watch.lap("files")
     if scenario.output.figures and len(result.trajectory) > 1:
-        from ttwmr_mj.figures.run_figures import write_run_figures
+        from ttwmr_mj.figures.run import write_run_figures
 
         write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares})
 
 
-def _lyapunov_law(experiment: Experiment) -> LyapunovController | None:
+def _lyapunov_law(experiment: Experiment) -> LyapunovOptions | None:
     """The gains of V (Eq. 33, 44), if the run's law has such a function and errors to put in."""
     law = experiment.scenario.controller
-    if experiment.reference is None or not isinstance(law, LyapunovController):
+    if experiment.reference is None or not isinstance(law, LyapunovOptions):
         return None
     return law
 
@@ -213,7 +214,6 @@ def _recorded(
             name=scenario.name,
             summary_markdown=summary(scenario),
             camera=scenario.sensing.kind == "camera",
-            lyapunov=_lyapunov_law(experiment),
         ) as recorder,
         Background() as background,
     ):

@@ -86,7 +86,7 @@ class Experiment:
         self.plant: Plant = build.make_plant(scenario, nsim)
         self.sensor: Sensor | None = None
         self._folder = folder or Path()
-        self._controller = build.make_controller(scenario, self._folder)
+        self._controller = build.make_controller(scenario, self.reference, self._folder)
 
     def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
         """Run from the initial state to the end, or to where it breaks.
@@ -109,7 +109,7 @@ class Experiment:
             sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, nsim))
         stillborn = self._start(
-            Task(scenario.robot, self.reference, period, nsim, rng["controller"])
+            Task(scenario.believed_robot, self.reference, period, nsim, rng["controller"])
         )
         rows = self._blank_rows()
         ends: dict[int, Outcome] = {}
@@ -199,7 +199,9 @@ class Experiment:
         time_s = self.scenario.control.sampling_time_s * np.arange(count, dtype=np.float64)
         nq = self.plant.joint_positions().shape[-1]
         ncontact = self.plant.contact_readings().shape[1]
-        rows = Trajectory.empty(time_s, self.nsim, nq, ncontact)
+        rows = Trajectory.empty(
+            time_s, self.nsim, nq, ncontact, trailers=len(self.scenario.robot.trailers)
+        )
         if self.reference is not None:
             rows.ref_q[:] = self.reference.q[:count]
             rows.ref_q_rate[:] = self.reference.q_rate[:count]

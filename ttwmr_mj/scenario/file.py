@@ -8,14 +8,14 @@ from pathlib import Path
 from typing import Any
 
 import tomli_w
-from pydantic import ValidationError
+from pydantic import ConfigDict, ValidationError, create_model
+from pydantic.fields import FieldInfo
 
 from ttwmr_mj.assets import shipped_scenarios
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.references.options import PlannedReference
-from ttwmr_mj.scenario.faults import Fault, Keys, cross_faults, fault_of, suggestion
-from ttwmr_mj.scenario.schema import MAX_DURATION_S, Scenario
-from ttwmr_mj.vision.options import CameraSensing
+from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.scenario.checks import check
+from ttwmr_mj.scenario.faults import fault_of, suggestion
+from ttwmr_mj.scenario.schema import Scenario
 
 
 def find_scenario(name_or_path: str) -> Path:
@@ -94,41 +94,59 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     Raises:
         InputError: with every fault in one message.
     """
+    context = {"folder": folder}
     try:
-        scenario = Scenario.model_validate(data)
-        faults: list[Fault] = []
+        scenario, faults = Scenario.model_validate(data, context=context), []
     except ValidationError as error:
         faults = [fault_of(item) for item in error.errors()]
-        scenario = Scenario.model_validate(_sound_part(data, faults))
-    from ttwmr_mj.scenario.reference_faults import (
-        reference_faults,  # it builds, and imports that much
-    )
-
-    placed = _with_absolute_paths(scenario, folder)
-    wrong = {fault.keys for fault in faults}
-    across = cross_faults(scenario, folder) + reference_faults(placed)
-    faults += [fault for fault in across if not _touches(fault, wrong)]
+        scenario = _sound_part(data, faults, context)
+    faults += check(scenario, faults)
     if faults:
-        raise _input_error(source, faults)
-    return placed
+        raise InputError(*faults, file=source)
+    return scenario
 
 
-def _with_absolute_paths(scenario: Scenario, folder: Path) -> Scenario:
-    """The scenario with its file names made independent of where it lies."""
-    plant, sensing = scenario.plant, scenario.sensing
-    if plant.contact.model_path is not None:
-        path = str((folder / plant.contact.model_path).resolve())
-        contact = plant.contact.model_copy(update={"model_path": path})
-        plant = plant.model_copy(update={"contact": contact})
-    reference = scenario.reference
-    if isinstance(reference, PlannedReference) and reference.plan.endswith(".csv"):
-        plan = str((folder / reference.plan).resolve())
-        reference = reference.model_copy(update={"plan": plan})
-    if isinstance(sensing, CameraSensing) and sensing.calibration_path is not None:
-        path = str((folder / sensing.calibration_path).resolve())
-        sensing = sensing.model_copy(update={"calibration_path": path})
-    changed = {"plant": plant, "sensing": sensing, "reference": reference}
-    return scenario.model_copy(update=changed)
+def _sound_part(data: dict[str, Any], faults: list[Fault], context: dict[str, Path]) -> Scenario:
+    """The scenario without its faults; no check looks at what is missing.
+
+    What has a fault is left out: the key itself, or where it has no default the table around it.
+    """
+    sound, wrong = copy.deepcopy(data), [fault.key for fault in faults]
+    while True:
+        for key in wrong:
+            _remove(sound, key)
+        try:
+            return _Incomplete.model_validate(sound, context=context)
+        except ValidationError as error:
+            wrong = [fault_of(item).key[:-1] for item in error.errors()]
+
+
+def _remove(data: dict[str, Any], key: Keys) -> None:
+    place: Any = data
+    for word in key[:-1]:
+        place = place.get(word) if isinstance(place, dict) else None
+    if isinstance(place, dict):
+        place.pop(key[-1], None)
+
+
+class _Lenient(Scenario):
+    """Accepts None for what must be given."""
+
+    model_config = ConfigDict(validate_default=False)
+
+
+def _optional(field: FieldInfo) -> FieldInfo:
+    optional = copy.copy(field)
+    optional.default = None
+    return optional
+
+
+_REQUIRED: dict[str, Any] = {
+    name: (field.annotation, _optional(field))
+    for name, field in Scenario.model_fields.items()
+    if field.is_required()
+}
+_Incomplete = create_model("_Incomplete", __base__=_Lenient, **_REQUIRED)
 
 
 def set_value(data: dict[str, Any], override: str) -> None:
@@ -169,50 +187,14 @@ def set_value(data: dict[str, Any], override: str) -> None:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
-    return tomli_w.dumps(_without_none(scenario.model_dump(mode="json")))
+    nothing_believed = {"belief"} if not scenario.belief.robot else None
+    data = scenario.model_dump(mode="json", exclude=nothing_believed)
+    return tomli_w.dumps(_without_none(data))
 
 
 def _without_none(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _without_none(item) for key, item in value.items() if item is not None}
+    if isinstance(value, list):
+        return [_without_none(item) for item in value]
     return value
-
-
-def _input_error(source: str, faults: list[Fault]) -> InputError:
-    count = "1 error" if len(faults) == 1 else f"{len(faults)} errors"
-    lines = "\n".join(f"  {fault}" for fault in faults)
-    return InputError(f"{source}: {count}\n{lines}")
-
-
-# stand-ins for the keys without a default, so that the rest of a faulty file can be checked too
-STAND_IN: dict[str, Any] = {
-    "name": "stand-in",
-    "duration_s": MAX_DURATION_S,
-    "reference": {"kind": "none"},
-    "controller": {"kind": "custom", "target": "stand:In"},
-}
-
-
-def _sound_part(data: dict[str, Any], faults: list[Fault]) -> dict[str, Any]:
-    """The data with every refused value left out; a section without defaults goes as a whole."""
-    sound = copy.deepcopy(data)
-    for keys in (fault.keys for fault in faults):
-        place: Any = sound
-        for key in keys[:-1]:
-            if not isinstance(place, dict) or key in STAND_IN or key not in place:
-                break
-            place = place[key]
-        else:
-            if isinstance(place, dict):
-                place.pop(keys[-1], None)
-        if keys[0] in STAND_IN:
-            sound[str(keys[0])] = STAND_IN[str(keys[0])]
-        elif isinstance(sound.get(str(keys[0])), dict) and any(isinstance(k, int) for k in keys):
-            sound.pop(str(keys[0]))
-    return {**STAND_IN, **sound}
-
-
-def _touches(fault: Fault, wrong: set[Keys]) -> bool:
-    """Whether a check across keys looked at a value that was refused already."""
-    sections = {keys[:-1] for keys in wrong} | wrong
-    return fault.keys in wrong or fault.keys[:-1] in sections

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from ttwmr_mj.files import input_file
 from ttwmr_mj.robot import Config
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
+CALIBRATION = "make it with ttwmr calibrate, or leave the key out to calibrate before the run"
 PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
@@ -27,7 +29,7 @@ class CameraSensing(Config):
         le=10,
         description="from a shutter's closing to its frame's arrival, whole control periods",
     )
-    calibration_path: str | None = Field(
+    calibration_path: Annotated[str, input_file(CALIBRATION)] | None = Field(
         default=None,
         description="file of `ttwmr calibrate`, relative to the scenario; left out: the camera "
         "is calibrated before the run, through the same sensor model",

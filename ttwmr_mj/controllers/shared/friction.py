@@ -15,13 +15,29 @@ reference is fed forward as an extra θ̈2 (`swing`).
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Literal
 
-from ttwmr_mj.controllers.options import FrictionOptions
+import numpy as np
+from pydantic import Field
+
 from ttwmr_mj.controllers.shared.observer import Seen, wheels_turn
 from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
+
+
+class FrictionOptions(Config):
+    """What a controller makes up for of the hitch's dry friction."""
+
+    dry: Literal["ignored", "model"] = Field(
+        default="model", description="ignored, or compensated with the robot's own figure"
+    )
+    believed_share: float = Field(
+        default=1.0, ge=0, le=10, description="of the robot's own figure: 0.7 believes 30 % less"
+    )
+    smoothing_rad_s: float = Field(
+        default=0.05, gt=0, le=10, description="hitch rate at which friction counts as full"
+    )
 
 
 class HitchFriction:

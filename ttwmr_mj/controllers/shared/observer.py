@@ -18,12 +18,12 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
-from ttwmr_mj.controllers.options import ObserverOptions
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1, THETA2, FloatArray, RobotState, wrap
 
@@ -32,6 +32,28 @@ MODEL_POSITION_STD_M = 2e-5  # prediction error of one period, beside creep
 MODEL_ANGLE_STD_RAD = 1e-4
 MODEL_RATE_STD_RAD_S = 3e-3
 JOLT = 1.5  # standard deviations: what surprises more is a push, which does not last
+
+
+class ObserverOptions(Config):
+    """What the observer believes of its measurements and of the model's gaps.
+
+    Standard deviations per sample, and of random walks per square root of a second. The defaults
+    are those of an overhead camera; they cost little where the measurement is better than that.
+    """
+
+    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="of a measured x or y")
+    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="of a measured angle")
+    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="of ẋ, ẏ")
+    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="of θ̇1, θ̇2")
+    creep_walk_m_s: float = Field(
+        default=2e-3, gt=0, le=10, description="how fast the tyres' creep may change, per √s"
+    )
+    turn_creep_walk_rad_s: float = Field(
+        default=5e-3, gt=0, le=10, description="the same for the heading, per √s"
+    )
+    swing_walk_rad_s2: float = Field(
+        default=0.05, gt=0, le=100, description="how fast an unknown θ̈2 may change, per √s"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,18 +15,29 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.controllers.options import TrackingWeights
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
 STATES, INPUTS, RESIDUALS = 7, 2, 6
 DISTURBANCES = SLIP + 1  # creep, and the unexplained θ̈2
 STEP = 1e-5  # of the central differences: error of order 1e-10
+
+
+class TrackingWeights(Config):
+    """Scales of the tracking errors: one scale of one costs as much as one scale of another."""
+
+    position_scale_m: float = Field(
+        default=0.01, gt=0, le=10, description="of the trailer's centre of oscillation"
+    )
+    angle_scale_rad: float = Field(default=0.2, gt=0, le=100, description="of θ1 and θ2")
+    change_scale_rad_s: float = Field(
+        default=0.5, gt=0, le=1e3, description="of a wheel command's change in a period"
+    )
 
 
 class Target(NamedTuple):
@@ -59,17 +70,7 @@ class TrackingProblem:
         self._by_command[[4, 5], [0, 1]] = change
 
     def target(self, reference: ReferencePath) -> Target:
-        """The reference's states, and the commands that follow it best without feedback.
-
-        Raises:
-            InputError: θ2 is not defined everywhere.
-        """
-        if not np.isfinite(reference.theta).all():
-            time = reference.time_s[~np.isfinite(reference.theta).all(axis=(1, 2))][0]
-            raise InputError(
-                f"the reference leaves θ2 undefined at {time:g} s: tracking the trailer needs a "
-                "reference that a free trailer can follow, such as 'flat_circle' or 'planned'"
-            )
+        """The reference's states, and the commands that follow it best without feedback."""
         q, rate = reference.q, reference.q_rate
         turn = np.diff(q[:, :, 2], axis=0)
         middle = q[:-1, :, 2] + 0.5 * turn

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -69,11 +68,3 @@ class ReferencePath:
     def theta2_rad(self) -> FloatArray:
         """(n, batch) orientation of the trailer, NaN where undefined."""
         return self.theta[..., 1]
-
-
-class Samples(Protocol):
-    """Anything that can be sampled as a reference."""
-
-    def sample(self, time_s: FloatArray) -> ReferencePath:
-        """The reference at times (n,) [s]."""
-        ...

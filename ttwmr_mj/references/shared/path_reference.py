@@ -1,15 +1,17 @@
-"""What every reference trajectory is: a geometric path travelled by a time law."""
+"""References of P: a geometric path travelled by a time law."""
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from abc import abstractmethod
 from typing import Literal
 
 import numpy as np
+from pydantic import Field
 
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.references.shared.time_law import TimeLaw
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
 Theta2Option = Literal["aligned", "outward", "none"]
@@ -17,8 +19,7 @@ Theta2Option = Literal["aligned", "outward", "none"]
 STRAIGHT_PER_M = 1e-9  # curvature below which a path has no outside
 
 
-@dataclass(frozen=True, kw_only=True)
-class Reference(ABC):
+class PathReference(Reference):
     """Motion of P along a path p(σ) with σ = σ(t), and the two angles that go with it.
 
     θ1 is the direction of the path's tangent p'(σ), which exists at standstill too; paths are
@@ -30,14 +31,20 @@ class Reference(ABC):
       constant speed, its COM P − l·(cos θ2, sin θ2) outside. NaN where the path is straight; θ2
       jumps by π where the curvature changes sign.
     - none: NaN.
-
-    Attributes:
-        theta2: which of these.
-        ramp_s: duration of a smooth start from rest (see `TimeLaw`); 0 starts at full speed.
     """
 
-    theta2: Theta2Option = "aligned"
-    ramp_s: float = 0.0
+    theta2: Theta2Option = Field(
+        default="none",
+        description="reference of θ2: along the tractor, radially outward as a free trailer "
+        "settles on a circle, or none",
+    )
+    ramp_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=600,
+        description="duration of a smooth start from rest, typically 1 to 5; 0 starts at full "
+        "speed",
+    )
 
     @abstractmethod
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
@@ -47,12 +54,13 @@ class Reference(ABC):
     def time_law(self) -> TimeLaw:
         """σ(t)."""
 
-    def sample(self, time_s: FloatArray) -> ReferencePath:
+    def sample(self, time_s: FloatArray, robot: RobotParameters | None = None) -> ReferencePath:
         """The reference at times (n,) [s], with a batch axis of one.
 
         Angles are unwrapped from sample to sample, so the path must turn by less than π between
         two of them; the first θ1 is in (−π, π].
         """
+        del robot
         time_s = np.asarray(time_s, dtype=np.float64)
         sigma = self.time_law().derivatives(time_s)
         path = self.path_derivatives(sigma[0])

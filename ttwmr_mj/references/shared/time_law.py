@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial import Polynomial
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault
 from ttwmr_mj.state import FloatArray
 
 ORDERS = 5  # value and four derivatives
@@ -29,9 +29,6 @@ class TimeLaw:
         ramp_s: duration of the start from rest; 0 starts at full rate (and extends to t < 0).
         end: σ at which to come to rest and stay; None travels for ever.
         stop_s: duration of the stop before `end`.
-
-    Raises:
-        InputError: start and stop need more path than there is.
     """
 
     rate: float
@@ -39,13 +36,18 @@ class TimeLaw:
     end: float | None = None
     stop_s: float = 0.0
 
-    def __post_init__(self) -> None:
+    def fault(self) -> Fault | None:
+        """Start and stop that need more path than there is."""
         needed = 0.5 * self.rate * (self.ramp_s + self.stop_s)
-        if self.end is not None and needed > self.end:
-            raise InputError(
-                f"a start of {self.ramp_s:g} s and a stop of {self.stop_s:g} s need a path of at "
-                f"least {needed:.4g}, got one of {self.end:.4g}: shorten them, or go slower"
-            )
+        if self.end is None or needed <= self.end:
+            return None
+        return Fault(
+            key=("ramp_s",),
+            got=f"{self.ramp_s:g}",
+            problem=f"with a stop of {self.stop_s:g} s that takes a path of at least "
+            f"{needed:.4g} m, and there are {self.end:.4g} m",
+            hint="shorten start and stop, or go slower",
+        )
 
     def derivatives(self, time_s: FloatArray) -> FloatArray:
         """(5, n) σ and its derivatives to the fourth, at times (n,)."""

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.figures.run_figures import STYLE
+from ttwmr_mj.figures.canvas import canvas, save
 from ttwmr_mj.studies.basin.basin import Basin
 
 LOST = "#ded9d2"  # a warm grey, behind the colours of what was caught
@@ -22,15 +22,10 @@ def write_basin_figure(basins: dict[str, Basin], path: Path, title: str) -> None
         title: over all panels.
     """
     import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
 
     slowest = max((np.nanmax(b.caught_after_s) for b in basins.values() if b.share), default=1.0)
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(STYLE | {"axes.grid": False, "font.size": 11, "axes.titlesize": 13})
-        figure = Figure(figsize=(3.1 * len(basins) + 1.0, 3.9), layout="constrained")
-        FigureCanvasAgg(figure)
+    looks = {"axes.grid": False, "font.size": 11, "axes.titlesize": 13}
+    with canvas((3.1 * len(basins) + 1.0, 3.9), looks) as figure:
         panels = figure.subplots(1, len(basins), sharey=True, squeeze=False)[0]
         colours = mpl.colormaps["viridis_r"].with_extremes(bad=LOST)
         for axes, (name, basin) in zip(panels, basins.items(), strict=True):
@@ -55,6 +50,4 @@ def write_basin_figure(basins: dict[str, Basin], path: Path, title: str) -> None
         bar = figure.colorbar(mesh, ax=list(panels), pad=0.015, aspect=28)
         bar.set_label("caught after [s], grey: lost")
         figure.suptitle(f"{title}   (○ start of the shipped scenario)", fontsize=14)
-        temporary = path.with_name(f".{path.stem}.part{path.suffix}")
-        figure.savefig(temporary, dpi=150)
-    temporary.replace(path)
+        save(figure, path)

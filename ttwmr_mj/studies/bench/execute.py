@@ -1,22 +1,21 @@
-"""Runs the rows of a suite, each in a process of its own: what breaks in one stays there."""
+"""Runs the rows of a suite that are not there yet, several at a time."""
 
 from __future__ import annotations
 
 import json
-import os
-import shutil
-import subprocess
-import sys
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import closing
 from pathlib import Path
-from threading import Event
+from typing import Any
 
 from ttwmr_mj.files import write_json
-from ttwmr_mj.studies.bench.suite import Row, Suite, check_rows, rows_of
+from ttwmr_mj.scenario.file import find_scenario
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.bench.suite import Row, Suite, checked_scenarios, rows_of
+from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
+from ttwmr_mj.studies.pool.task import PRELOAD, Task, run_task
 
 Progress = Callable[[float], None]
-POLL_S = 0.2  # how soon a run ends after the suite was stopped
 
 
 def row_folder(row: Row, folder: Path) -> Path:
@@ -24,16 +23,20 @@ def row_folder(row: Row, folder: Path) -> Path:
     return folder / "runs" / row.key
 
 
-def is_finished(row: Row, folder: Path) -> bool:
-    """Whether a bench folder holds this row, run by the very same command."""
-    mark = row_folder(row, folder) / "row.json"
-    return mark.is_file() and bool(json.loads(mark.read_text())["run"] == row.command())
+def stored_row(row: Row, folder: Path) -> dict[str, Any] | None:
+    """The row.json of a finished run of this row, by the very same command; None if there is none.
+
+    Whether the code and the files are still those of that run, only `run_suite` asks.
+    """
+    path = row_folder(row, folder) / "row.json"
+    stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    return stored if stored.get("run") == row.command() else None
 
 
 def run_suite(
     suite: Suite, folder: Path, *, workers: int | None = None, progress: Progress | None = None
 ) -> None:
-    """Run every row that is not finished yet; stopped and called again it goes on.
+    """Run every row that is not there as it would be made now; stopped, it goes on when called.
 
     Args:
         suite: what to run.
@@ -44,65 +47,50 @@ def run_suite(
     Raises:
         InputError: some rows cannot run; none was started.
     """
-    rows = rows_of(suite)
-    missing = [row for row in rows if not is_finished(row, folder)]
-    check_rows(missing)
-    done, stop = len(rows) - len(missing), Event()
-    with ThreadPoolExecutor(workers or os.cpu_count() or 1) as pool:
-        runs = [
-            pool.submit(_run_row, row, row_folder(row, folder), suite.timeout_s, stop)
-            for row in missing
-        ]
-        try:
-            for run in as_completed(runs):
-                run.result()
-                done += 1
-                if progress is not None:
-                    progress(float(done))
-        except BaseException:
-            stop.set()
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+    rows = {row.key: row for row in rows_of(suite)}
+    scenarios = checked_scenarios(list(rows.values()))
+    tasks = {key: _task(row, scenarios[key], folder, suite.timeout_s) for key, row in rows.items()}
+    missing = [key for key, task in tasks.items() if not task.is_done]
+    for key in rows.keys() - set(missing):
+        _rename_row(rows[key], folder)
+    there = len(rows) - len(missing)
+    jobs = [tasks[key].job for key in missing]
+    with closing(run_jobs(jobs, workers=workers, preload=PRELOAD)) as events:
+        for done, event in enumerate(events, start=there + 1):
+            key, reason = event.job.name, event.reason if isinstance(event, Failed) else ""
+            _write_row(rows[key], folder, reason)
+            tasks[key].mark_done()
+            if progress is not None:
+                progress(float(done))
 
 
-def _run_row(row: Row, folder: Path, timeout_s: float, stop: Event) -> None:
-    """One `ttwmr run`; its row.json, written last, marks it as finished."""
-    shutil.rmtree(folder, ignore_errors=True)  # of a run that was stopped, or of another command
-    reason = _run([sys.executable, "-m", "ttwmr_mj", *row.arguments(folder)], timeout_s, stop)
-    if stop.is_set():
-        return
-    folder.mkdir(parents=True, exist_ok=True)
-    status = _status(folder, reason)
-    write_json(
-        folder / "row.json",
-        {**row.names, "seed": row.seed, "status": status, "reason": reason, "run": row.command()},
-    )
+def _task(row: Row, scenario: Scenario, folder: Path, timeout_s: float) -> Task:
+    into = row_folder(row, folder)
+    words = ["ttwmr", *row.arguments(into), "--quiet"]
+    beside = find_scenario(row.scenario).parent
+    return run_task(row.key, scenario, into, words, beside, timeout_s)
 
 
-def _status(folder: Path, reason: str) -> str:
-    """As the run's metrics say; "failed" if it left none or did not end well all the same."""
-    metrics = folder / "metrics.json"
-    status = str(json.loads(metrics.read_text())["status"]) if metrics.is_file() else "failed"
-    return "failed" if reason and status == "ok" else status
+def _write_row(row: Row, folder: Path, reason: str) -> None:
+    """row.json of a run that is over: as its metrics say, failed if it was broken off."""
+    into = row_folder(row, folder)
+    into.mkdir(parents=True, exist_ok=True)
+    status = "failed"
+    if not reason:
+        metrics = json.loads((into / "metrics.json").read_text(encoding="utf-8"))
+        status = metrics["status"]
+        if status != "ok":
+            reason = f"{status} at {metrics['end_time_s']:.3f} s: {metrics['reason']}"
+    write_json(into / "row.json", {**_identity(row), "status": status, "reason": reason})
 
 
-def _run(command: list[str], timeout_s: float, stop: Event) -> str:
-    """Run a command to its end, the timeout or the stop; why it did not end well, or nothing."""
-    # a session of its own: Ctrl-C in the terminal is for the suite, which then ends its runs
-    with subprocess.Popen(
-        [*command, "--quiet"],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-    ) as process:
-        for _ in range(round(timeout_s / POLL_S) + 1):
-            try:
-                _, errors = process.communicate(timeout=POLL_S)
-            except subprocess.TimeoutExpired:
-                if stop.is_set():
-                    process.terminate()
-            else:
-                return errors.strip() if process.returncode else ""
-        process.kill()
-        return f"no end within {timeout_s:g} s"
+def _rename_row(row: Row, folder: Path) -> None:
+    """Let the row.json of a run that is used again say how the suite words it now."""
+    path = row_folder(row, folder) / "row.json"
+    stored = json.loads(path.read_text(encoding="utf-8"))
+    if stored != stored | _identity(row):
+        write_json(path, stored | _identity(row))
+
+
+def _identity(row: Row) -> dict[str, Any]:
+    return {**row.names, "seed": row.seed, "run": row.command()}

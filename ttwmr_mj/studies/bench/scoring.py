@@ -16,7 +16,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import Metrics, point_behind, score
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.bench.execute import is_finished, row_folder
+from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Row, Suite, rows_of
 
 # column → (metric, scale, how seeds are combined)
@@ -89,7 +89,7 @@ def collect(suite: Suite, folder: Path) -> Board:
         InputError: there is no finished row.
     """
     rows = rows_of(suite)
-    finished = [row for row in rows if is_finished(row, folder)]
+    finished = [row for row in rows if stored_row(row, folder) is not None]
     if not finished:
         raise InputError(f"{folder}: no finished runs of {suite.name} in it; run the suite first")
     groups: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
@@ -115,7 +115,7 @@ def _maker(folder: Path) -> str:
 def _scored(row: Row, folder: Path) -> dict[str, Any]:
     """row.json with the row's numbers, and with a run that was lost called so."""
     where = row_folder(row, folder)
-    found: dict[str, Any] = json.loads((where / "row.json").read_text())
+    found = stored_row(row, folder) or {}
     found["numbers"] = _numbers(where) if found["status"] == "ok" else {}
     lost = lost_reason(found["numbers"])
     if lost:

@@ -24,10 +24,11 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.robot import Config
-from ttwmr_mj.scenario.faults import Fault, fault_of, suggestion
+from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 Overrides = tuple[str, ...]
 AXES = ("controller", "task", "plant", "sensing", "disturbance")
@@ -110,7 +111,7 @@ def load_suite(name_or_path: str) -> Suite:
     A task's scenario is looked for beside the suite's file first.
 
     Raises:
-        InputError: there is no such suite, or it is wrong; with every fault in one message.
+        InputError: there is no such suite, or it is wrong; with every fault of the file.
     """
     path = _find(name_or_path)
     try:
@@ -119,10 +120,10 @@ def load_suite(name_or_path: str) -> Suite:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
-        faults = [fault_of(item, Suite) for item in error.errors()]
+        found = [fault_of(item, Suite) for item in error.errors()]
+        faults = [Fault(key=fault.keys, problem=fault.message) for fault in found]
     if faults:
-        count = "1 error" if len(faults) == 1 else f"{len(faults)} errors"
-        raise InputError("\n".join([f"{path}: {count}", *(f"  {fault}" for fault in faults)]))
+        raise InputError(*faults, file=str(path))
     tasks = {name: _placed(task, path.parent) for name, task in suite.task.items()}
     return suite.model_copy(update={"task": tasks})
 
@@ -133,9 +134,13 @@ def _find(name_or_path: str) -> Path:
         return path
     shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
     if name_or_path not in shipped:
+        hint = suggestion(name_or_path, list(shipped))
         raise InputError(
-            f"{name_or_path}: no such suite file, and no shipped suite of that name"
-            f"{suggestion(name_or_path, list(shipped))}; shipped: {', '.join(shipped)}"
+            Fault(
+                key=(name_or_path,),
+                problem=f"no such suite file, and no shipped suite of that name{hint}",
+                allowed=f"a TOML file, or shipped: {', '.join(shipped)}",
+            )
         )
     return shipped[name_or_path]
 
@@ -149,7 +154,7 @@ def _placed(task: Choice, folder: Path) -> Choice:
 def _faults(suite: Suite) -> list[Fault]:
     """What the keys do not show one by one."""
     faults = [
-        Fault(("task", name, "scenario"), "missing; name a scenario")
+        Fault(key=("task", name, "scenario"), problem="missing; name a scenario")
         for name, task in suite.task.items()
         if task.scenario is None
     ]
@@ -163,11 +168,10 @@ def _faults(suite: Suite) -> list[Fault]:
     return faults
 
 
-def _unknown(
-    keys: tuple[str | int, ...], given: Collection[str], allowed: list[str]
-) -> list[Fault]:
+def _unknown(key: Keys, given: Collection[str], allowed: list[str]) -> list[Fault]:
+    """A fault for each name that is not allowed."""
     return [
-        Fault(keys, f"got {name!r}{suggestion(name, allowed)}; allowed: {', '.join(allowed)}")
+        Fault(key=key, got=f"{name!r}{suggestion(name, allowed)}", allowed=", ".join(allowed))
         for name in given
         if name not in allowed
     ]
@@ -192,18 +196,20 @@ def _rows_of_block(suite: Suite, block: Block) -> Iterator[Row]:
             yield Row(dict(zip(AXES, names, strict=True)), seed, scenario, overrides)
 
 
-def check_rows(rows: list[Row]) -> None:
-    """See that every row is a scenario that can run.
+def checked_scenarios(rows: list[Row]) -> dict[str, Scenario]:
+    """Row's key → its resolved scenario, recording and figures left out.
 
     Raises:
-        InputError: some are not; with every fault in one message.
+        InputError: some rows cannot run; with the faults of all of them.
     """
-    faults = []
+    scenarios, faults = {}, []
     for row in rows:
         try:
-            load_scenario(row.scenario, list(row.overrides), row.seed)
+            scenarios[row.key] = load_scenario(row.scenario, [*row.overrides, *LEAN], row.seed)
         except InputError as error:
-            faults.append(f"row {row.key}: {error}")
+            faults.append(Fault(key=(f"row {row.key}",), problem=str(error)))
     if faults:
+        count = "1 row" if len(faults) == 1 else f"{len(faults)} rows"
         hint = "a choice's `skip`, or blocks, leave out what does not go together"
-        raise InputError("\n".join([f"{len(faults)} rows cannot run; {hint}", *faults]))
+        raise InputError(f"{count} cannot run; {hint}", *faults)
+    return scenarios

@@ -1,14 +1,25 @@
-"""The figures of a comparison; like `figures`, a module that imports matplotlib."""
+"""The figures of a comparison."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ttwmr_mj.figures.run_figures import DPI, LEFT, RIGHT, STYLE, TRACTOR, TRAILER
+from ttwmr_mj.figures.canvas import Draw, legend_below, stacked, write_figures
+from ttwmr_mj.figures.style import (
+    GREY,
+    HITCH,
+    INK,
+    LEFT,
+    PATHS_SIZE_IN,
+    REFERENCE,
+    RIGHT,
+    TRACTOR,
+    TRAILER,
+)
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.studies.compare.effects import EFFECTS
 
@@ -21,9 +32,9 @@ if TYPE_CHECKING:
     from ttwmr_mj.studies.compare.fit.fit import Fit
     from ttwmr_mj.studies.compare.study import Pair
 
-HITCH = "#E69F00"
-REST = "#777777"
-ANALYTIC: dict[str, Any] = {"color": "#222222", "linestyle": (0, (4, 2)), "linewidth": 1.0}
+SIZE_IN = (5.6, 3.4)
+TALL_SIZE_IN = (5.6, 4.6)
+WORTHWHILE = 5.0  # a fit should make deviations smaller by at least this factor (README's table)
 NAMES = {effect.name: effect.text for effect in EFFECTS} | {
     "higher_interactions": "three and more together",
     "rest": "unexplained rest",
@@ -49,56 +60,37 @@ def write_compare_figures(
         convergence: deviations over the step, if given.
         fit: by how much deviations fell, if given.
     """
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    drawers: dict[str, Callable[[Figure], None]] = {
-        "paths": lambda figure: _draw_paths(figure, pair),
-        "deviation": lambda figure: _draw_deviation(figure, pair),
-        "slip": lambda figure: _draw_slip(figure, pair),
-        "residuals": lambda figure: _draw_residuals(figure, pair),
+    drawings: dict[str, Draw] = {
+        "paths": partial(_draw_paths, pair=pair),
+        "deviation": partial(_draw_deviation, pair=pair),
+        "slip": partial(_draw_slip, pair=pair),
+        "residuals": partial(_draw_residuals, pair=pair),
     }
     if attribution is not None:
-        drawers["attribution"] = lambda figure: _draw_attribution(figure, attribution)
+        drawings["attribution"] = partial(_draw_attribution, attribution=attribution)
     if convergence is not None:
-        drawers["convergence"] = lambda figure: _draw_convergence(figure, convergence)
+        drawings["convergence"] = partial(_draw_convergence, convergence=convergence)
     if fit is not None:
-        drawers["fit"] = lambda figure: _draw_fit(figure, fit)
-    folder.mkdir(parents=True, exist_ok=True)
-    written = []
-    with mpl.rc_context():
-        mpl.rcdefaults()  # whatever the user's matplotlibrc says
-        mpl.rcParams.update(STYLE)
-        for name, draw in drawers.items():
-            figure = Figure(figsize=(5.6, 3.4), layout="constrained")
-            FigureCanvasAgg(figure)
-            draw(figure)
-            figure.suptitle(title, fontsize=9.0)
-            for ending, metadata in ((".png", {"Software": None}), (".svg", {"Date": None})):
-                path = folder / f"{name}{ending}"
-                draft = path.with_name(f".{path.name}.part")
-                figure.savefig(draft, format=ending[1:], dpi=DPI, metadata=metadata)
-                written.append(draft.replace(path))
-    return written
+        drawings["fit"] = partial(_draw_fit, fit=fit)
+    return write_figures(drawings, folder, title, SIZE_IN)
 
 
 def _draw_paths(figure: Figure, pair: Pair) -> None:
-    figure.set_size_inches(4.8, 4.2)
+    figure.set_size_inches(PATHS_SIZE_IN)
     axes = figure.subplots()
     robot = pair.contact.robot
     contact, analytic = pair.contact.trajectory.q[:, 0], pair.analytic.q[:, 0]
     axes.plot(*contact[:, :2].T, color=TRACTOR, label="P, contact physics")
     axes.plot(*trailer_com(contact, robot).T, color=TRAILER, label="COM of the trailer")
-    axes.plot(*analytic[:, :2].T, **ANALYTIC, label="analytic model")
-    axes.plot(*trailer_com(analytic, robot).T, **ANALYTIC)
+    axes.plot(*analytic[:, :2].T, **REFERENCE, label="analytic model")
+    axes.plot(*trailer_com(analytic, robot).T, **REFERENCE)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [m]", ylabel="y [m]")
-    _legend(figure)
+    legend_below(figure)
 
 
 def _draw_deviation(figure: Figure, pair: Pair) -> None:
-    figure.set_size_inches(5.6, 4.6)
+    figure.set_size_inches(TALL_SIZE_IN)
     deviation = pair.deviation
     upper, lower = figure.subplots(2, sharex=True)
     for values, name, colour in (
@@ -119,7 +111,7 @@ def _draw_deviation(figure: Figure, pair: Pair) -> None:
 
 
 def _draw_slip(figure: Figure, pair: Pair) -> None:
-    figure.set_size_inches(5.6, 4.6)
+    figure.set_size_inches(TALL_SIZE_IN)
     residuals = pair.residuals
     upper, lower = figure.subplots(2, sharex=True)
     for axes, slip, where in (
@@ -138,25 +130,14 @@ def _draw_slip(figure: Figure, pair: Pair) -> None:
 
 
 def _draw_residuals(figure: Figure, pair: Pair) -> None:
-    figure.set_size_inches(5.6, 4.6)
+    figure.set_size_inches(TALL_SIZE_IN)
     residuals = pair.residuals
-    rows = figure.subplots(3, sharex=True)
-    for axes, values, label, colour in zip(
-        rows,
-        (
-            1e3 * residuals.lateral_speed_m_s,
-            1e6 * residuals.trailer_torque_n_m,
-            1e3 * residuals.energy_lost_j,
-        ),
-        ("Eq. 3: side slip\nof P [mm/s]", "Eq. 17: torque\nmissing [µN·m]", "energy\nlost [mJ]"),
-        (TRACTOR, TRAILER, HITCH),
-        strict=True,
-    ):
-        axes.plot(residuals.time_s, values, color=colour)
-        axes.set_ylabel(label)
-        axes.margins(x=0.01)
-    rows[-1].set_xlabel("time [s]")
-    figure.align_ylabels()
+    panels = [
+        ("Eq. 3: side slip\nof P [mm/s]", 1e3 * residuals.lateral_speed_m_s, TRACTOR),
+        ("Eq. 17: torque\nmissing [µN·m]", 1e6 * residuals.trailer_torque_n_m, TRAILER),
+        ("energy\nlost [mJ]", 1e3 * residuals.energy_lost_j, HITCH),
+    ]
+    stacked(figure, residuals.time_s, panels)
 
 
 def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
@@ -175,7 +156,7 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         shares = [None if row.share is None else 100.0 * row.share for row in rows]
         labels = ["" if share is None else f"{round(share, 1) + 0.0:.1f} %" for share in shares]
         axes.bar_label(bars, labels, padding=3, fontsize=7.5)
-        axes.axvline(0.0, color="#222222", linewidth=0.8)
+        axes.axvline(0.0, color=INK, linewidth=0.8)
         name = {"position": "P", "theta2": "θ2"}[quantity]
         axes.set_title(f"rms deviation of {name} [{unit}]")
         axes.margins(x=0.3)
@@ -188,7 +169,7 @@ def _is_nothing(row: Row) -> bool:
 
 
 def _bar_colour(name: str) -> str:
-    return {"total": "#222222", "rest": REST, "higher_interactions": REST}.get(name, TRACTOR)
+    return {"total": INK, "rest": GREY, "higher_interactions": GREY}.get(name, TRACTOR)
 
 
 def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
@@ -208,7 +189,7 @@ def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
         xlabel="physics step [ms]; contacts, balls and servo are refined with it",
         ylabel="largest deviation",
     )
-    _legend(figure)
+    legend_below(figure)
 
 
 def _draw_fit(figure: Figure, fit: Fit) -> None:
@@ -222,7 +203,7 @@ def _draw_fit(figure: Figure, fit: Fit) -> None:
     }
     place = np.arange(len(names))
     for offset, gain, colour, when in (
-        (-0.2, fit.training, REST, "fitted on"),
+        (-0.2, fit.training, GREY, "fitted on"),
         (0.2, fit.validation, TRACTOR, "validated on"),
     ):
         factors = [gain.factor[name] for name in names]
@@ -230,12 +211,12 @@ def _draw_fit(figure: Figure, fit: Fit) -> None:
             place + offset, factors, 0.38, color=colour, label=f"{when} {gain.scenario}"
         )
         axes.bar_label(bars, [f"{factor:.0f}" for factor in factors], fontsize=7.5)
-    axes.axhline(5.0, color="#222222", linewidth=0.8, linestyle=(0, (4, 2)))
+    axes.axhline(WORTHWHILE, **REFERENCE | {"linewidth": 0.8})
     axes.set_yscale("log")
     axes.set_xticks(place, list(names.values()))
     axes.set_ylabel("deviation of the plain model per\ndeviation of the fitted one")
     axes.grid(axis="x", visible=False)
-    _legend(figure)
+    legend_below(figure)
 
 
 def _beside(*rows: Axes) -> None:
@@ -244,7 +225,3 @@ def _beside(*rows: Axes) -> None:
         axes.margins(x=0.01)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     rows[0].figure.align_ylabels()
-
-
-def _legend(figure: Figure) -> None:
-    figure.legend(loc="outside lower center", ncols=3)

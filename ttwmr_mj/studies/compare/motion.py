@@ -14,7 +14,7 @@ from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.rollout import WheelHistory, roll_out
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.run.build import driven_robot, initial_state, make_plant, sample_reference
+from ttwmr_mj.run.build import initial_state, make_plant, sample_reference
 from ttwmr_mj.run.experiment import Experiment, Outcome
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
@@ -41,7 +41,7 @@ class ContactRun:
     @property
     def robot(self) -> RobotParameters:
         """The robot that was driven."""
-        return driven_robot(self.scenario)
+        return self.scenario.robot
 
     @property
     def commands(self) -> FloatArray:

@@ -233,7 +233,7 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
         )
     refuse_unlike(other)
     return other.model_copy(
-        update={"robot": scenario.robot, "plant": scenario.plant, "control": scenario.control}
+        update={key: getattr(scenario, key) for key in ("robot", "belief", "plant", "control")}
     )
 
 

@@ -9,12 +9,13 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.results.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import LyapunovController, Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
-from ttwmr_mj.studies.reproduce.execute import Failures, run_folder, study_file
+from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 
@@ -26,7 +27,7 @@ class Evidence:
         failures: runs and studies that could not be done, with the reason.
     """
 
-    def __init__(self, out: Path, failures: Failures | None = None) -> None:
+    def __init__(self, out: Path, failures: dict[str, str] | None = None) -> None:
         self.out = out
         self.failures = failures or {}
         # per instance: two folders hold different results under the same names
@@ -53,7 +54,7 @@ class Evidence:
 
     def _lyapunov(self, run: str) -> LyapunovLog:
         controller = self.scenario(run).controller
-        if not isinstance(controller, LyapunovController):
+        if not isinstance(controller, LyapunovOptions):
             raise TypeError(f"{run} has no Lyapunov function: its law is {controller.kind}")
         return lyapunov_log(self.trajectory(run), controller)
 

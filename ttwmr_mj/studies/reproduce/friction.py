@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.scenario.schema import CircleReference
+from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.studies.reproduce.claims.judging import TRAILER_FOLLOWS_M, mm
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.runs import SWEEP_FRICTION_N_M, friction_run
@@ -58,7 +58,7 @@ def largest_load_n_m(evidence: Evidence) -> float:
     """m2·l·R·ω² of the lab circle: the load straight behind the tractor [N·m]."""
     scenario = evidence.scenario(SWEEP[0])
     circle, trailer = scenario.reference, scenario.robot.trailer
-    if not isinstance(circle, CircleReference):
+    if not isinstance(circle, Circle):
         raise TypeError(f"{SWEEP[0]} does not drive a circle")
     pull = circle.radius_m * circle.angular_rate_rad_s**2
     return trailer.mass_kg * trailer.com_offset_m * pull

@@ -5,13 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.run.progress import progress_bar
 from ttwmr_mj.scenario.faults import suggestion
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.execute import Failures, execute, task_count
+from ttwmr_mj.studies.reproduce.execute import execute, missing_tasks
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.report import judge_all, report_name, write_claims, write_report
@@ -26,16 +26,13 @@ class Reproduction:
         report: the HTML file.
         judgements: verdicts by claim; empty when only figures were asked for.
         failures: what could not be run, with the reason.
+        runs_failed: whether that is more than a study that lacks its library.
     """
 
     report: Path
     judgements: dict[str, Judgement]
-    failures: Failures
-
-    @property
-    def runs_failed(self) -> bool:
-        """Whether a run could not be done; a study that lacks its library is no failure."""
-        return any(name in RUNS for name in self.failures)
+    failures: dict[str, str]
+    runs_failed: bool
 
 
 def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) -> Reproduction:
@@ -56,29 +53,31 @@ def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) 
     _check_folder(out)
     runs = _needed_runs(figures) if only else list(RUNS)
     studies = [s for name in figures for s in FIGURES[name].studies] if only else list(STUDIES)
-    tasks = task_count(out, runs, studies)
-    with progress_bar("reproduce", tasks + len(figures), "parts", quiet) as progress:
-        failures = execute(out, runs, studies, progress)
+    tasks = missing_tasks(out, runs, studies)
+    with progress_bar("reproduce", len(tasks) + len(figures), "parts", quiet) as progress:
+        failed = execute(tasks, progress)
+        failures = {event.job.name: event.reason for event in failed}
         evidence = Evidence(out, failures)
         drawn = [name for name in figures if not _lacks(name, failures)]
         _draw(drawn, evidence)
         if progress:
-            progress(tasks + len(figures))
+            progress(len(tasks) + len(figures))
     judgements = {} if only else judge_all(evidence)
     report = out / report_name(only or [])
     if judgements:
         write_claims(evidence, judgements, out / "claims.json")
     write_report(evidence, judgements, figures, report)
-    return Reproduction(report, judgements, failures)
+    runs_failed = any(
+        event.job.name in RUNS or not isinstance(event.error, MachineError) for event in failed
+    )
+    return Reproduction(report, judgements, failures, runs_failed)
 
 
 def _checked(only: list[str]) -> list[str]:
     for name in only:
         if name not in FIGURES:
-            raise InputError(
-                f"--only {name}: no such figure{suggestion(name, list(FIGURES))}; allowed: "
-                + ", ".join(FIGURES)
-            )
+            hint = suggestion(name, list(FIGURES))
+            raise InputError.at("--only", got=f"{name!r}{hint}", allowed=", ".join(FIGURES))
     return [name for name in FIGURES if name in only] if only else list(FIGURES)
 
 
@@ -88,11 +87,13 @@ def _check_folder(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
         strangers = [p.name for p in out.iterdir() if not _ours(p.name)]
     except OSError as error:
-        raise InputError(f"--out {out}: cannot make the folder: {error}") from error
+        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(out)) from error
     if strangers:
-        raise InputError(
-            f"--out {out}: the folder holds something else ({strangers[0]}); give an empty one, or "
-            "that of an earlier reproduction, which is then continued"
+        raise InputError.at(
+            "--out",
+            f"the folder holds something else ({strangers[0]})",
+            got=str(out),
+            hint="give an empty one, or that of an earlier reproduction, which is then continued",
         )
 
 
@@ -105,7 +106,7 @@ def _needed_runs(figures: list[str]) -> list[str]:
     return [name for name in RUNS if name in needed]
 
 
-def _lacks(figure: str, failures: Failures) -> bool:
+def _lacks(figure: str, failures: dict[str, str]) -> bool:
     return any(n in failures for n in (*FIGURES[figure].runs, *FIGURES[figure].studies))
 
 

@@ -13,7 +13,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.results.trajectory import Q_NAMES, RATE_NAMES
+from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.frame import Frame
@@ -107,6 +107,6 @@ def _row(record: CameraRecord) -> tuple[float, ...]:
 def _write(rows: list[tuple[float, ...]], path: Path) -> None:
     import pyarrow as pa
 
-    names = ("time_s", *Q_NAMES, *RATE_NAMES, *STD_NAMES, "labels_found", "valid")
+    names = ("time_s", *q_names(4), *rate_names(4), *STD_NAMES, "labels_found", "valid")
     columns = np.array(rows).T
     write_parquet(pa.table(dict(zip(names, columns, strict=True))), path)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
-from ttwmr_mj.run.build import make_reference
+from ttwmr_mj.references.shared.reference import sampled_path
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.claims.judging import (
     EFFORT_RATIO,
@@ -162,10 +162,7 @@ def _low_effort(evidence: Evidence) -> Judgement:
 def _effort(evidence: Evidence, run: str) -> float:
     """Mean square of the wheels' commands in the second half over that of the reference."""
     scenario, trajectory = evidence.scenario(run), evidence.trajectory(run)
-    reference = make_reference(scenario)
-    if reference is None:
-        raise TypeError(f"{run} has no reference")
-    path = reference.sample(trajectory.time_s)
+    path = sampled_path(scenario.reference, trajectory.time_s, scenario.robot)
     speed = np.hypot(path.velocity_m_s[:, 0, 0], path.velocity_m_s[:, 0, 1])
     needed = wheels_from_twist(np.stack([speed, path.theta_rate[:, 0, 0]], -1), scenario.robot)
     given = trajectory.wheel_command_rad_s[:, 0]

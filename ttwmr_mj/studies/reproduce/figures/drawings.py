@@ -1,4 +1,4 @@
-"""The figures of the reproduction; beside `figures`, the only module that imports matplotlib."""
+"""The figures of the reproduction."""
 
 from __future__ import annotations
 
@@ -9,7 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.figures.run_figures import REFERENCE, STYLE, TRACTOR, TRAILER
+from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
+from ttwmr_mj.figures.style import (
+    GREEN,
+    ORANGE,
+    REFERENCE,
+    SKY,
+    TRACTOR,
+    TRAILER,
+    VERMILION,
+)
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import LEFT, RIGHT, FloatArray
 from ttwmr_mj.studies.reproduce import friction
@@ -18,10 +27,9 @@ from ttwmr_mj.studies.reproduce.figures.figures import Figure as Wanted
 from ttwmr_mj.studies.reproduce.ideal.step_size import STEPS_S
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-COLOURS = (TRACTOR, "#D55E00", "#009E73", TRAILER, "#E69F00", "#56B4E9")
+COLOURS = (TRACTOR, VERMILION, GREEN, TRAILER, ORANGE, SKY)
 WIDTHS = (2.6, 1.3, 0.6)  # curves that coincide are still seen
 WIDTH_IN = 7.2
 MOST_ROWS = 900  # of a curve in the file: more than a screen has columns
@@ -29,22 +37,10 @@ MOST_ROWS = 900  # of a curve in the file: more than a screen has columns
 
 def draw(wanted: Wanted, evidence: Evidence, folder: Path) -> Path:
     """Draw one figure as NAME.svg, whole or not at all; the same results give the same bytes."""
-    import matplotlib as mpl
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
     folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context():
-        mpl.rcdefaults()
-        mpl.rcParams.update(STYLE)
-        figure = Figure(figsize=(WIDTH_IN, 3.2), layout="constrained")
-        FigureCanvasAgg(figure)
+    with canvas((WIDTH_IN, 3.2)) as figure:
         DRAWERS[wanted.kind](figure, wanted, evidence)
-        path = folder / f"{wanted.name}.svg"
-        draft = path.with_name(f".{path.name}.part")
-        figure.savefig(draft, format="svg", metadata={"Date": None})
-        draft.replace(path)
-    return path
+        return save(figure, folder / f"{wanted.name}.svg")
 
 
 def _thin(values: FloatArray) -> FloatArray:
@@ -69,26 +65,26 @@ def _draw_paths(body: str) -> Callable[..., None]:
             axes.plot(*_thin(reference).T, **REFERENCE, label="reference")
             axes.set_aspect("equal", adjustable="datalim")
             axes.set(xlabel="x [m]", ylabel="y [m]", title=panel.title)
-        _legend(figure, axes)
+        legend_below(figure, axes=axes)
 
     return drawer
 
 
 def _draw_coordinate(column: int, label: str) -> Callable[..., None]:
     def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
-        axes = _time_axes(figure, label)
+        axes = time_axes(figure, label)
         for run, name, colour in _in_order(wanted):
             trajectory = evidence.trajectory(run)
             axes.plot(trajectory.time_s, trajectory.q[:, 0, column], color=colour, label=name)
         axes.plot(trajectory.time_s, trajectory.ref_q[:, 0, column], **REFERENCE, label="reference")
-        _legend(figure, axes)
+        legend_below(figure, axes=axes)
 
     return drawer
 
 
 def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
     def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
-        axes = _time_axes(figure, label)
+        axes = time_axes(figure, label)
         for run, name, colour in _in_order(wanted):
             trajectory = evidence.trajectory(run)
             speed = trajectory.wheel_speed_rad_s[:, 0, wheel]
@@ -96,7 +92,7 @@ def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
         limit = evidence.robot(run).servo.speed_limit_rad_s
         for sign in (1.0, -1.0):
             axes.axhline(sign * limit, **REFERENCE, label="servo's limit" if sign > 0.0 else None)
-        _legend(figure, axes)
+        legend_below(figure, axes=axes)
 
     return drawer
 
@@ -111,13 +107,13 @@ def _draw_phase_plane(figure: Figure, wanted: Wanted, evidence: Evidence) -> Non
     axes.streamplot(e1, e2, e2, slope, color="#CCCCCC", linewidth=0.6, arrowsize=0.6, density=1.1)
     for path in study["paths"]:
         axes.plot(*path, color=TRACTOR, linewidth=1.1)
-        axes.plot(path[0][-1], path[1][-1], "o", color="#D55E00", markersize=4, zorder=3)
+        axes.plot(path[0][-1], path[1][-1], "o", color=VERMILION, markersize=4, zorder=3)
     ray = study["invariant_ray_1_s"]
     axes.plot([0.6 / ray, -0.6 / ray], [0.6, -0.6], **REFERENCE, label=f"e2 = {ray:.2f}·e1")
     axes.plot([], [], color=TRACTOR, label="solutions of law (32) as printed")
-    axes.plot([], [], "o", color="#D55E00", markersize=4, label="where they end: e2 = 0")
+    axes.plot([], [], "o", color=VERMILION, markersize=4, label="where they end: e2 = 0")
     axes.set(xlabel="e1 [m]", ylabel="e2 [m/s]", xlim=(-0.6, 0.6), ylim=(-0.6, 0.6))
-    _legend(figure, axes)
+    legend_below(figure, axes=axes)
 
 
 def _draw_step_size(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
@@ -142,7 +138,7 @@ def _draw_step_size(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
         axes.set_xlabel("time [s]")
     for axes in grid[:, 0]:
         axes.set_ylabel("|P − P_d| [m]")
-    _legend(figure, grid[0, 0], columns=4)
+    legend_below(figure, columns=4, axes=grid[0, 0])
 
 
 def _step(step_s: float) -> str:
@@ -165,16 +161,16 @@ def _draw_continuous(figure: Figure, wanted: Wanted, evidence: Evidence) -> None
         right.plot(case["time_s"], case["e5_rad"], color=colour, linewidth=1.0)
     left.set(xlabel="time [s]", ylabel="V / V(0)", xlim=(-0.5, 20.0))
     right.set(xlabel="time [s]", ylabel="e5 = θ2 − θ2d [rad]")
-    _legend(figure, left, columns=2)
+    legend_below(figure, columns=2, axes=left)
 
 
 def _draw_lyapunov(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
-    axes = _time_axes(figure, "V / V(0)")
+    axes = time_axes(figure, "V / V(0)")
     for run, name, colour in _in_order(wanted):
         log = evidence.lyapunov(run)
         share = np.maximum(log.v / log.v[0], 1e-12)
         axes.semilogy(_thin(log.time_s), _thin(share), color=colour, linewidth=1.0, label=name)
-    _legend(figure, axes)
+    legend_below(figure, axes=axes)
 
 
 def _draw_friction(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
@@ -212,7 +208,7 @@ def _draw_friction(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
         ylabel="trailer, from straight behind [mm]",
         xlim=(1.5e-2, 2.0),
     )
-    figure.legend(loc="outside lower center", ncols=3)
+    legend_below(figure)
 
 
 DRAWERS: dict[str, Callable[[Figure, Wanted, Evidence], None]] = {
@@ -236,16 +232,3 @@ def _in_order(wanted: Wanted) -> list[tuple[str, str, str]]:
     """(run, label, colour) of a figure with one panel."""
     runs = wanted.panels[0].runs
     return [(run, label, colour) for (run, label), colour in zip(runs, COLOURS, strict=False)]
-
-
-def _time_axes(figure: Figure, label: str) -> Axes:
-    axes = figure.subplots()
-    axes.set(xlabel="time [s]", ylabel=label)
-    axes.margins(x=0.01)
-    return axes
-
-
-def _legend(figure: Figure, axes: Axes, columns: int = 3) -> None:
-    """The names of one pair of axes, below the figure, where they hide nothing."""
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=columns)

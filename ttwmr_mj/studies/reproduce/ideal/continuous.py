@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Path, State, solve
 
 CIRCLES = {"lab circle (Eq. 72-73)": (0.43, 0.125, 0.35), "circle (Eq. 37)": (1.0, 0.5, 0.0)}
@@ -22,8 +23,8 @@ START_M = (0.6, -0.3)
 DURATION_S = 20.0
 DECADES = 6
 
-EXACT = LyapunovPidController(kind="lyapunov_pid", gamma="exact")
-CONSTANT = LyapunovPidController(kind="lyapunov_pid")
+EXACT = LyapunovPidOptions(kind="lyapunov_pid", gamma="exact")
+CONSTANT = LyapunovPidOptions(kind="lyapunov_pid")
 
 
 def study() -> dict[str, Any]:
@@ -59,7 +60,7 @@ def _case(loop: IdealLoop) -> dict[str, Any]:
 
 def decade_times() -> list[float]:
     """When law (32) without singular terms has brought |e| to 10⁻¹, 10⁻², ... of its start [s]."""
-    loop = IdealLoop(LyapunovController(kind="lyapunov"), *CIRCLES["lab circle (Eq. 72-73)"])
+    loop = IdealLoop(LyapunovOptions(kind="lyapunov"), *CIRCLES["lab circle (Eq. 72-73)"])
     path = solve(loop, loop.at_rest(*START_M), 70.0, samples=7001)
     share = _distance(loop, path) / _distance(loop, path)[0]
     return [float(path.time_s[np.argmax(share < 10.0**-n)]) for n in range(1, DECADES + 1)]

@@ -16,8 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
 from ttwmr_mj.state import FloatArray
 
 State = tuple[float, float, float, float, float, float, float]
@@ -47,13 +48,13 @@ class IdealLoop:
     The state is z of Eq. 25 and the integral of e5: (x, ẋ, y, ẏ, θ2, θ̇2, ∫e5 dt).
 
     Attributes:
-        options: the law; a `LyapunovController` is law (32).
+        options: the law; a `LyapunovOptions` is law (32).
         radius_m, rate_rad_s, phase_rad: the circle.
         theta2_offset_rad: θ2d − (ω·t + phase): π/2 aligned with the tractor, π outward.
         limit_m_s2: |v1| and |v2| are cut to this.
     """
 
-    options: LyapunovController
+    options: LyapunovOptions
     radius_m: float
     rate_rad_s: float
     phase_rad: float = 0.0
@@ -93,7 +94,7 @@ class IdealLoop:
         sin, cos = math.sin(z[4]), math.cos(z[4])
         d = o.alpha4 * e4 * sin + o.alpha2 * e2 * cos
         e5 = _on_circle(z[4] - angle - self.theta2_offset_rad)
-        if isinstance(o, LyapunovPidController):
+        if isinstance(o, LyapunovPidOptions):
             wanted = -o.k_d * (z[5] - self.rate_rad_s) - o.k_p * e5 - o.k_i * z[6]
             turn = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
             v1, v2 = v1 + turn * o.alpha4 * e4, v2 - turn * o.alpha2 * e2
@@ -115,7 +116,7 @@ class IdealLoop:
         )
 
 
-def _pulled(e: float, e_rate: float, options: LyapunovController) -> float:
+def _pulled(e: float, e_rate: float, options: LyapunovOptions) -> float:
     """E + what stands for e²/ė (Eq. 32)."""
     if options.singular_terms == "omitted":
         return e
@@ -124,7 +125,7 @@ def _pulled(e: float, e_rate: float, options: LyapunovController) -> float:
     return e + e * e / e_rate if e_rate else e
 
 
-def _gamma(excess: float, d: float, options: LyapunovPidController) -> float:
+def _gamma(excess: float, d: float, options: LyapunovPidOptions) -> float:
     if options.gamma == "constant":
         wish = options.rho * excess
     elif options.gamma == "regularized":

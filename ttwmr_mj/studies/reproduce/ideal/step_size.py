@@ -12,7 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.scenario.schema import LyapunovController, LyapunovPidController
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Path, sampled
 
 STEPS_S = (33e-3, 10e-3, 3.3e-3, 1e-3, 330e-6, 100e-6, 33e-6, 10e-6)
@@ -20,22 +21,22 @@ DURATION_S = 4.0
 GRIP_M_S2 = 9.0  # about 0.9·g: friction of tyres on the floor
 SHOWN = 240  # rows of each curve
 
-LAWS: dict[str, tuple[LyapunovController, float]] = {
-    "law (32), singular terms omitted": (LyapunovController(kind="lyapunov"), math.inf),
+LAWS: dict[str, tuple[LyapunovOptions, float]] = {
+    "law (32), singular terms omitted": (LyapunovOptions(kind="lyapunov"), math.inf),
     "law (32) as printed": (
-        LyapunovController(kind="lyapunov", singular_terms="published"),
+        LyapunovOptions(kind="lyapunov", singular_terms="published"),
         math.inf,
     ),
     "law (32) as printed, limited": (
-        LyapunovController(kind="lyapunov", singular_terms="published"),
+        LyapunovOptions(kind="lyapunov", singular_terms="published"),
         GRIP_M_S2,
     ),
     "law (47), γ exact, limited": (
-        LyapunovPidController(kind="lyapunov_pid", gamma="exact"),
+        LyapunovPidOptions(kind="lyapunov_pid", gamma="exact"),
         GRIP_M_S2,
     ),
-    "law (70), constant ρ": (LyapunovPidController(kind="lyapunov_pid"), math.inf),
-    "law (70), constant ρ, limited": (LyapunovPidController(kind="lyapunov_pid"), GRIP_M_S2),
+    "law (70), constant ρ": (LyapunovPidOptions(kind="lyapunov_pid"), math.inf),
+    "law (70), constant ρ, limited": (LyapunovPidOptions(kind="lyapunov_pid"), GRIP_M_S2),
 }
 
 

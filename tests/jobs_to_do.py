@@ -1,0 +1,47 @@
+"""What the tests of the pool let its processes do."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+from ttwmr_mj.errors import InputError
+
+CALLS: list[int] = []
+
+
+def count_calls() -> int:
+    CALLS.append(1)
+    return len(CALLS)
+
+
+def refuse() -> None:
+    raise InputError.at("some.key", got="1")
+
+
+def break_off() -> None:
+    raise ZeroDivisionError("of its own making")
+
+
+def leave() -> None:
+    print("last words", flush=True)
+    os._exit(3)
+
+
+def crash() -> None:
+    os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def return_a_function() -> object:
+    return lambda: None
+
+
+def sleep_with_a_child(pids: Path) -> None:
+    child = subprocess.Popen(["sleep", "600"])
+    draft = pids.with_suffix(".part")
+    draft.write_text(f"{os.getpid()} {child.pid}")
+    draft.replace(pids)
+    time.sleep(600.0)

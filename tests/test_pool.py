@@ -1,0 +1,107 @@
+"""The pool: every job alone, every end reported, nothing left behind."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+import jobs_to_do
+import pytest
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.studies.pool.jobs import Done, Failed, Job, run_jobs
+
+
+def is_running(pid: int) -> bool:
+    """Whether a process is there and no zombie that waits for its parent."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
+def wait_until_gone(pids: list[int]) -> None:
+    deadline = time.monotonic() + 30
+    while any(is_running(pid) for pid in pids):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def test_every_job_has_fresh_globals_and_no_more_are_taken_than_there_are_workers() -> None:
+    taken = []
+
+    def jobs() -> Iterator[Job]:
+        for i in range(6):
+            taken.append(i)
+            yield Job(str(i), jobs_to_do.count_calls)
+
+    results = {}
+    for done, event in enumerate(run_jobs(jobs(), workers=2), start=1):
+        assert isinstance(event, Done)
+        assert len(taken) <= done + 1  # one more under way
+        results[event.job.name] = event.result
+    assert results == dict.fromkeys("012345", 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "last_line"),
+    [
+        (jobs_to_do.break_off, "ZeroDivisionError: of its own making"),
+        (jobs_to_do.leave, "the process ended with exit code 3: last words"),
+        (jobs_to_do.crash, "the process ended with SIGSEGV"),
+    ],
+)
+def test_what_breaks_is_reported_and_the_rest_goes_on(call: object, last_line: str) -> None:
+    jobs = [Job("bad", call), Job("good", jobs_to_do.count_calls)]  # type: ignore[arg-type]
+    events = {event.job.name: event for event in run_jobs(jobs, workers=1)}
+    bad = events["bad"]
+    assert isinstance(bad, Failed)
+    assert bad.reason.splitlines()[-1] == last_line
+    assert bad.error is None
+    assert events["good"] == Done(jobs[1], 1)
+
+
+def test_an_error_raised_on_purpose_comes_back_whole() -> None:
+    (event,) = run_jobs([Job("refused", jobs_to_do.refuse)])
+    assert isinstance(event, Failed)
+    assert isinstance(event.error, InputError)
+    assert event.error.faults[0].key == ("some", "key")
+    assert event.reason == "some.key: got 1"
+
+
+def test_a_result_that_cannot_be_sent_is_a_failure() -> None:
+    (event,) = run_jobs([Job("function", jobs_to_do.return_a_function)])
+    assert isinstance(event, Failed)
+    assert "return_a_function" in event.reason.splitlines()[-1]
+
+
+def test_a_job_that_takes_too_long_is_killed_with_all_it_started(tmp_path: Path) -> None:
+    pids = tmp_path / "pids"
+    jobs = [Job("slow", jobs_to_do.sleep_with_a_child, (pids,), timeout_s=3.0)]
+    (event,) = run_jobs(jobs)
+    assert event == Failed(jobs[0], "timed out after 3 s")
+    wait_until_gone([int(pid) for pid in pids.read_text().split()])
+
+
+def test_closing_the_events_kills_what_is_under_way(tmp_path: Path) -> None:
+    pids = tmp_path / "pids"
+    jobs = [
+        Job("slow", jobs_to_do.sleep_with_a_child, (pids,)),
+        Job("quick", jobs_to_do.count_calls),
+        *(Job("waits", jobs_to_do.sleep_with_a_child, (tmp_path / "never",)) for _ in range(1)),
+    ]
+    with closing(run_jobs(jobs, workers=2)) as events:
+        assert next(events).job.name == "quick"
+        deadline = time.monotonic() + 30
+        while not pids.is_file():
+            assert time.monotonic() < deadline
+            time.sleep(0.02)
+    wait_until_gone([int(pid) for pid in pids.read_text().split()])
+    assert not (tmp_path / "never").exists()
+
+
+def test_what_a_job_prints_is_not_for_the_terminal(capfd: pytest.CaptureFixture[str]) -> None:
+    list(run_jobs([Job("talks", jobs_to_do.leave)]))
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,154 @@
+"""Which tabs and plots a viewer shows, for runs, comparisons and tracked videos; signals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from recordings import (
+    PERIOD_S,
+    ROBOT,
+    Recording,
+    circle_reference,
+    contact_run,
+    record,
+    recorder,
+    robot_model,
+    views,
+)
+
+from ttwmr_mj.recording import RunRecorder
+from ttwmr_mj.results.trajectory import Trajectory
+
+MOTION = {
+    "plots/x": "x of P [m]",
+    "plots/y": "y of P [m]",
+    "plots/theta1": "θ1 of the tractor [rad]",
+    "plots/theta2": "θ2 of the trailer [rad]",
+    "plots/hitch_angle": "hitch angle θ2 − θ1 [°]",
+    "plots/wheel_speed": "wheel speeds [rad/s]",
+}
+ERRORS = {
+    "plots/tractor_error": "position error of P [mm]",
+    "plots/angle_error": "angle errors [°]",
+}
+TRAILER_ERROR = {"plots/trailer_error": "position error of the trailer's COM [mm]"}
+
+
+@dataclass(frozen=True)
+class Logged:
+    """Rows of a run whose law logs signals, as the recorder needs them."""
+
+    rows_: Trajectory
+    signals: dict[str, np.ndarray]
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self.rows_, name)
+
+    def __len__(self) -> int:
+        return len(self.rows_)
+
+    def rows(self, start: int, stop: int) -> Logged:
+        cut = {name: values[start:stop] for name, values in self.signals.items()}
+        return Logged(self.rows_.rows(start, stop), cut)
+
+
+def plots(path: Path) -> dict[str, str]:
+    return {origin: title for origin, title in views(path) if "plots/" in origin}
+
+
+def test_a_run_shows_the_plots_that_have_curves(tmp_path: Path) -> None:
+    rows, reference = contact_run(), circle_reference()
+    whole = record(tmp_path / "whole.rrd", reference, rows)
+    assert plots(whole) == MOTION | ERRORS | TRAILER_ERROR
+    assert [view for view in views(whole) if "plots/" not in view[0]] == [
+        ("flags", "limits and tracker"),
+        ("report", "circle"),
+        ("world", "From above"),
+        ("world", "Robot"),
+    ]
+    aimless = replace(reference, theta=reference.theta * [1.0, np.nan])
+    assert plots(record(tmp_path / "theta1.rrd", aimless, rows)) == MOTION | ERRORS
+    assert plots(record(tmp_path / "none.rrd", None, rows)) == MOTION
+
+
+def test_a_camera_brings_a_picture_and_the_plots_of_what_it_knows(tmp_path: Path) -> None:
+    path = tmp_path / "run.rrd"
+    RunRecorder(
+        path,
+        model=robot_model(),
+        robot=ROBOT,
+        reference=None,
+        name="seen",
+        summary_markdown="",
+        camera=True,
+    ).close()
+    assert ("camera/picture", "Camera") in views(path)
+    assert ("world", "From above") not in views(path)
+    assert plots(path) == MOTION | {
+        "plots/estimate_error": "estimation error of P [mm]",
+        "plots/estimate_angle_error": "estimation errors of the angles [mrad]",
+        "plots/measurement_age": "age of the newest measurement [ms]",
+    }
+
+
+def test_signals_are_logged_and_shown_without_knowing_the_law(tmp_path: Path) -> None:
+    run = contact_run()
+    v = np.exp(-run.time_s)[:, None]
+    tuned = np.where(run.time_s[:, None] < 1.0, np.nan, 2.0)  # undefined for the first second
+    logged = Logged(run, {"lyapunov_v": v, "gain [1/s]": tuned})
+    path = record(tmp_path / "run.rrd", None, logged, cuts=(1, 40))
+    read = Recording(path)
+    entity = "/plots/signals/lyapunov_v"
+    np.testing.assert_array_equal(read.values(entity, "Scalars:scalars"), v)
+    assert read.entities[entity]["SeriesLines:names"] == [(None, ["lyapunov_v"])]
+    gain = r"/plots/signals/gain\ \[1\/s\]"
+    np.testing.assert_array_equal(read.values(gain, "Scalars:scalars"), 2.0)
+    first = int(np.flatnonzero(run.time_s >= 1.0)[0])
+    assert read.times_ns(gain, "Scalars:scalars")[0] == round(1e9 * PERIOD_S * first)
+    assert plots(path) == MOTION | {
+        entity[1:]: "lyapunov_v",
+        gain[1:]: "gain [1/s]",
+    }
+
+
+def test_a_law_that_logs_nothing_gets_no_tab(tmp_path: Path) -> None:
+    path = record(tmp_path / "run.rrd", None, Logged(contact_run(), {}))
+    assert plots(path) == MOTION
+    assert not [name for name in Recording(path).entities if "signals" in name]
+
+
+def test_rows_of_several_simulations_are_refused(tmp_path: Path) -> None:
+    rows = Trajectory.empty(PERIOD_S * np.arange(3), nsim=2)
+    with (
+        recorder(tmp_path / "run.rrd", None) as recording,
+        pytest.raises(ValueError, match=r"got 2 simulations.*simulation\(index\)"),
+    ):
+        recording.append(rows)
+
+
+def test_the_picture_of_every_third_frame_whatever_the_chunks() -> None:
+    from ttwmr_mj.recording.camera_view import CameraView
+
+    sent: list[float] = []
+    stream = SimpleNamespace(
+        log=lambda *_, **__: None,
+        send_columns=lambda path, index, _: (
+            sent.extend(index[0].as_arrow_array().cast("int64").to_pylist())
+            if path == "camera/picture"
+            else None
+        ),
+    )
+    view = CameraView(stream, None, None, show_every=3)
+    frame = SimpleNamespace(image=np.zeros((4, 4, 3), np.uint8), truth=None)
+    unseen = SimpleNamespace(q=np.full(4, np.nan), status="tracking")
+    records = [
+        SimpleNamespace(time_s=float(k), frame=frame, sighting=None, estimate=unseen)
+        for k in range(11)
+    ]
+    for start, stop in ((0, 1), (1, 5), (5, 6), (6, 11)):
+        view.append(records[start:stop])
+    assert sent == [0, 3_000_000_000, 6_000_000_000, 9_000_000_000]

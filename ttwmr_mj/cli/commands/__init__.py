@@ -1,0 +1,1 @@
+"""One file per subcommand: its options, their help, and its call."""

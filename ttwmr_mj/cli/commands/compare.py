@@ -1,0 +1,70 @@
+"""`ttwmr compare`: contact physics against the analytic model."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
+from ttwmr_mj.errors import RunError
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compare(Overrides, NewFolder, name="compare"):
+    """Compare contact physics with the analytic model and explain it."""
+
+    scenario: str = argument(SCENARIO)
+    mode: Literal["open_loop", "closed_loop"] = option(
+        "open_loop", "one command history for both plants, or each under its own controller"
+    )
+    real_wheels: bool = option(
+        False,
+        "open loop: drive the analytic model with the wheels' true speeds, so that only slip is "
+        "left",
+    )
+    no_attribution: bool = option(False, "report deviations without explaining them; fast")
+    converge: bool = option(False, "refine the contact physics and report the convergence")
+    fit: bool = option(False, "fit an extended analytic model")
+    validate_on: str | None = option(
+        None, "scenario to validate the fit on; default: a shipped one", metavar="SCENARIO"
+    )
+    tolerance: Path | None = option(
+        None, "TOML of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
+    )
+
+    def call(self) -> int:
+        """Compare; exit code 1 if a tolerance is exceeded."""
+        from ttwmr_mj.run.progress import progress_bar
+        from ttwmr_mj.scenario.file import find_scenario
+        from ttwmr_mj.studies.compare import Options, compare_scenario, plain
+
+        scenario = self.load(self.scenario)
+        options = Options(
+            mode=self.mode,
+            real_wheels=self.real_wheels,
+            attribute=not self.no_attribution,
+            converge=self.converge,
+            fit=self.fit,
+            validate_on=self.validate_on,
+            tolerance=self.tolerance,
+            recording=scenario.output.recording,
+            figures=scenario.output.figures,
+        )
+        folder = self.open_folder(f"{scenario.name}-compared", scenario.seed)
+        with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
+            done = compare_scenario(
+                scenario,
+                folder,
+                options,
+                scenario_folder=find_scenario(self.scenario).parent,
+                command_line=command_line(),
+                progress=progress,
+            )
+        if not self.quiet:
+            print(f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}")
+        if done.breaches:
+            lines = "\n".join(f"  {breach}" for breach in done.breaches)
+            raise RunError(f"{scenario.name} exceeds {self.tolerance}; see {folder}\n{lines}")
+        return 0

@@ -1,0 +1,33 @@
+"""`ttwmr reproduce`: the article, run again."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from ttwmr_mj.cli.engine import option
+from ttwmr_mj.cli.shared import Quiet
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reproduce(Quiet, name="reproduce"):
+    """Re-run the article: every figure, every claim."""
+
+    out: Path = option(
+        Path("results/reproduce"),
+        "folder for the report; finished runs in it are reused; default: results/reproduce",
+        metavar="DIR",
+    )
+    only: tuple[str, ...] = option((), "one figure; repeatable", metavar="FIG")
+
+    def call(self) -> int:
+        """Run what is missing, draw, judge and report."""
+        from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table
+
+        done = reproduce(self.out, list(self.only), quiet=self.quiet)
+        if not self.quiet:
+            print(f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip())
+        for name, reason in done.failures.items():
+            print(f"ttwmr: {name} could not be run: {reason}", file=sys.stderr)
+        return 1 if done.runs_failed else 0

@@ -1,0 +1,58 @@
+"""`ttwmr run`: a scenario becomes a run folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
+from ttwmr_mj.errors import RunError
+
+if TYPE_CHECKING:
+    from ttwmr_mj.run import execute
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run(Overrides, NewFolder, name="run"):
+    """Run a scenario and leave a run folder."""
+
+    scenario: str = argument(SCENARIO)
+    save_frames: bool = option(False, "keep the camera's frames, with COCO keypoint annotations")
+
+    def call(self) -> int:
+        """Run it; a failed run is exit code 1, with what was recorded kept."""
+        from ttwmr_mj.run.execute import run_scenario
+        from ttwmr_mj.run.progress import progress_bar
+        from ttwmr_mj.scenario.file import find_scenario
+
+        wishes = ["output.save_frames=true"] if self.save_frames else []
+        scenario = self.load(self.scenario, *wishes)
+        folder = self.open_folder(scenario.name, scenario.seed)
+        with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
+            done = run_scenario(
+                scenario,
+                folder,
+                scenario_folder=find_scenario(self.scenario).parent,
+                command_line=command_line(),
+                progress=progress,
+            )
+        if done.outcome.status != "ok":
+            if self.debug and done.outcome.cause:
+                raise done.outcome.cause
+            raise RunError(
+                f"{scenario.name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
+                f"{done.outcome.reason}; what was recorded is in {folder}"
+            )
+        if not self.quiet:
+            _print_run(done)
+        return 0
+
+
+def _print_run(run: execute.Run) -> None:
+    from ttwmr_mj.run.execute import RESULT_ROWS, in_unit
+
+    for key, label, scale, unit in RESULT_ROWS:
+        print(f"{label:38s} {in_unit(run.metrics[key], scale, unit)}")
+    print(f"{'real-time factor':38s} {run.metrics['real_time_factor']:.3g}")
+    print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

@@ -1,0 +1,113 @@
+"""Typed subcommands: a frozen dataclass whose fields describe the command line's options."""
+
+from __future__ import annotations
+
+import argparse
+import pkgutil
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from dataclasses import MISSING, dataclass, field, fields
+from importlib import import_module
+from types import UnionType
+from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
+
+
+def argument(text: str, default: Any = MISSING) -> Any:
+    """A positional argument; a tuple takes one or more.
+
+    Args:
+        text: its help.
+        default: without it the argument is required.
+    """
+    return field(default=default, metadata={"help": text, "positional": True})
+
+
+def option(default: Any, text: str, *, name: str | None = None, metavar: str | None = None) -> Any:
+    """A named option; a bool is a switch, a tuple may be given several times.
+
+    Args:
+        default: if the option is not given; MISSING makes it required.
+        text: its help.
+        name: as typed; None: the field's name as --field-name.
+        metavar: stands for the value in the help.
+    """
+    metadata = {"help": text, "positional": False, "name": name, "metavar": metavar}
+    return field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Subcommand(ABC):
+    """Base of every subcommand: its fields are what the user may give, `call` is what it does.
+
+    The docstring's first line is its help. Field types decide how words are read: str, int, Path,
+    bool, Literal[...], X | None, tuple[X, ...].
+    """
+
+    registry: ClassVar[dict[str, type[Subcommand]]] = {}  # name → class
+
+    debug: bool = option(False, "show tracebacks")
+
+    def __init_subclass__(cls, name: str | None = None) -> None:
+        if name is not None:
+            Subcommand.registry[name] = cls
+
+    @abstractmethod
+    def call(self) -> int:
+        """Do it and return the exit code."""
+
+
+def load_subcommands(package: str) -> dict[str, type[Subcommand]]:
+    """Name → class of every subcommand, after importing every module of a package."""
+    for module in pkgutil.iter_modules(import_module(package).__path__, f"{package}."):
+        import_module(module.name)
+    return Subcommand.registry
+
+
+def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
+    """The argparse parser of one subcommand; what it parses sets `kind` too."""
+    summary = (kind.__doc__ or "").partition("\n")[0].rstrip(".")
+    parser: argparse.ArgumentParser = subparsers.add_parser(
+        name,
+        help=summary[:1].lower() + summary[1:],
+        description=f"{summary}.",
+        argument_default=argparse.SUPPRESS,  # what is not given is left to the dataclass
+    )
+    parser.set_defaults(kind=kind)
+    hints = get_type_hints(kind)
+    by_name = {entry.name: entry for entry in fields(kind)}
+    # the class's own options first, then those it shares with others
+    order = [n for base in kind.__mro__ for n in vars(base).get("__annotations__", ())]
+    for entry in (by_name[n] for n in order if n in by_name):
+        settings = _read(hints[entry.name]) | {"help": entry.metadata["help"]}
+        if not entry.metadata["positional"]:
+            typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
+            if entry.metadata["metavar"]:
+                settings["metavar"] = entry.metadata["metavar"]
+            required = entry.default is MISSING
+            parser.add_argument(typed, dest=entry.name, required=required, **settings)
+        else:
+            if settings.pop("action", None) == "append":
+                settings |= {"nargs": "+", "metavar": entry.name.removesuffix("s")}
+            elif entry.default is not MISSING:
+                settings |= {"nargs": "?", "default": entry.default}
+            parser.add_argument(entry.name, **settings)
+
+
+def _read(hint: Any) -> dict[str, Any]:
+    """How argparse reads a value of this type."""
+    inner = get_args(hint)
+    if hint is bool:
+        return {"action": "store_true"}
+    if get_origin(hint) is Literal:
+        return {"choices": inner}
+    if get_origin(hint) is tuple:
+        return {"action": "append", "type": inner[0]}
+    return {"type": inner[0] if isinstance(hint, UnionType) else hint}
+
+
+def parse(parser: argparse.ArgumentParser, words: Sequence[str] | None) -> Subcommand:
+    """The subcommand that the words ask for; argparse leaves with exit code 2 on wrong ones."""
+    given = vars(parser.parse_args(words))
+    kind: type[Subcommand] = given.pop("kind")
+    options: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in given.items()}
+    return kind(**options)

@@ -1,0 +1,19 @@
+"""No reference: open-loop experiments."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from ttwmr_mj.references.shared.reference import Reference
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+
+class Nothing(Reference):
+    """Nothing to follow."""
+
+    kind: Literal["none"] = "none"
+
+    def sample(self, time_s: FloatArray, robot: RobotParameters) -> None:
+        """There is no motion."""
+        del time_s, robot

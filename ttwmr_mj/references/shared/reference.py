@@ -1,0 +1,64 @@
+"""What every reference is: options of a scenario that know the motion they describe."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Annotated, get_args
+
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.registry import Registry
+from ttwmr_mj.robot import Config, RobotParameters
+from ttwmr_mj.state import FloatArray
+
+# TOML has arrays where Python has tuples; their elements stay strict
+Point = Annotated[tuple[float, float], Field(strict=False)]
+Length = Annotated[float, Field(gt=0, le=100)]
+Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
+Rate = Annotated[
+    float, Field(ge=-50, le=50, description="positive: counter-clockwise; typically 0.1 to 1")
+]
+
+
+class Reference(Config, ABC):
+    """One kind of reference. A subclass declares `kind: Literal["its_name"] = "its_name"`."""
+
+    kind: str
+
+    def faults(self, robot: RobotParameters) -> list[Fault]:
+        """What is wrong with these options, together or for this robot; keys within them."""
+        del robot
+        return []
+
+    @abstractmethod
+    def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath | None:
+        """The motion at times (n,) [s], with a batch axis of one; None: nothing to follow.
+
+        Args:
+            time_s: rising, and closer than half a turn: angles are unwrapped from one to the next.
+            robot: whose trailer shall follow; references without faults for it only.
+        """
+
+
+def kind_of(cls: type[Reference]) -> str | None:
+    """The name of a kind of reference."""
+    names = get_args(cls.model_fields["kind"].annotation)
+    return names[0] if names else None
+
+
+def sampled_path(reference: Reference, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
+    """`sample`, of a reference that there must be."""
+    path = reference.sample(np.asarray(time_s, dtype=np.float64), robot)
+    assert path is not None, "this kind of reference has no motion"
+    return path
+
+
+REFERENCES: Registry[Reference] = Registry(
+    "ttwmr_mj.references",
+    Reference,  # type: ignore[type-abstract]  # only ever compared with
+    kind_of,
+    "ttwmr_mj.references",
+)

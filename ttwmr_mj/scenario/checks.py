@@ -1,0 +1,158 @@
+"""What no single key of a scenario shows: checks across keys, where what they look at is sound.
+
+Each check names the parts of the scenario that it looks at. Of a faulty file, the checks whose
+parts have no fault of their own are made all the same, so that all faults come at once.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.composite import tractor_chassis, trailer_chassis
+from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.scenario.schema import Scenario
+
+MOST_SAMPLES = 20_000  # a longer run is looked at that often; the run looks at every sample
+
+
+class Check(NamedTuple):
+    """A check and the keys it looks at, each with all that lies below."""
+
+    faults: Callable[[Scenario], Iterable[Fault]]
+    looks_at: tuple[str, ...]
+
+    def is_possible(self, wrong: list[Fault]) -> bool:
+        """Whether none of these faults touches what the check looks at."""
+        keys = [tuple(key.split(".")) for key in self.looks_at]
+        return not any(_overlap(fault.key, key) for fault in wrong for key in keys)
+
+
+def check(scenario: Scenario, wrong: list[Fault]) -> list[Fault]:
+    """Faults across keys.
+
+    Args:
+        scenario: parts that have faults may be absent.
+        wrong: the faults of single keys.
+    """
+    return [fault for one in CHECKS if one.is_possible(wrong) for fault in one.faults(scenario)]
+
+
+def _overlap(key: Keys, other: Keys) -> bool:
+    return all(a == b for a, b in zip(key, other, strict=False))
+
+
+def _tractor_masses(scenario: Scenario) -> Iterable[Fault]:
+    yield from _refused(partial(tractor_chassis, scenario.robot))
+
+
+def _trailer_masses(scenario: Scenario) -> Iterable[Fault]:
+    for index in range(len(scenario.robot.trailers)):
+        yield from _refused(partial(trailer_chassis, scenario.robot, index))
+
+
+def _refused(make: Callable[[], object]) -> Iterable[Fault]:
+    try:
+        make()
+    except InputError as error:
+        yield from error.faults
+
+
+def _belief(scenario: Scenario) -> Iterable[Fault]:
+    count, truth = len(scenario.believed_robot.trailers), len(scenario.robot.trailers)
+    if count != truth:
+        allowed = f"as many as robot.trailers, {truth}"
+        yield Fault(key=("belief", "robot", "trailers"), got=str(count), allowed=allowed)
+
+
+def _open_loop(scenario: Scenario) -> Iterable[Fault]:
+    if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
+        problem = "there is no reference to start on"
+        yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
+
+
+def _contact_only(scenario: Scenario) -> Iterable[Fault]:
+    if scenario.plant.kind == "analytic" and scenario.plant.pushes:
+        problem = "only plant.kind = 'contact' can be pushed"
+        yield Fault(key=("plant", "pushes"), got="pushes", problem=problem)
+
+
+def _physics_rate(scenario: Scenario) -> Iterable[Fault]:
+    if scenario.plant.kind == "analytic" and scenario.output.physics_rate:
+        problem = "only plant.kind = 'contact' steps at a physics rate"
+        yield Fault(key=("output", "physics_rate"), got="true", problem=problem)
+
+
+def _frames(scenario: Scenario) -> Iterable[Fault]:
+    if scenario.output.save_frames and scenario.sensing.kind != "camera":
+        problem = f"sensing.kind is {scenario.sensing.kind!r}"
+        yield Fault(key=("output", "save_frames"), got="true", problem=problem, allowed="'camera'")
+
+
+def _physics_steps(scenario: Scenario) -> Iterable[Fault]:
+    step = scenario.plant.contact.timestep_s
+    key = ("control", "sampling_time_s")
+    yield from _whole_steps(key, scenario.control.sampling_time_s, step, "plant.contact.timestep_s")
+
+
+def _latency(scenario: Scenario) -> Iterable[Fault]:
+    period = scenario.control.sampling_time_s
+    key = ("sensing", "latency_s")
+    yield from _whole_steps(key, scenario.sensing.latency_s, period, "control.sampling_time_s")
+
+
+def _whole_steps(key: Keys, value: float, unit: float, unit_key: str) -> Iterable[Fault]:
+    count = value / unit
+    whole = abs(count - round(count)) <= 1e-6 * max(count, 1.0)  # TOML's decimals are not exact
+    if whole and (value == 0.0 or round(count) >= 1):
+        return
+    below, above = int(count) * unit, (int(count) + 1) * unit
+    near = f"{below:g} and {above:g}" if below > 0 else f"{above:g}"
+    allowed = f"a whole number of steps of {unit:g} s ({unit_key}); nearest: {near}"
+    yield Fault(key=key, got=f"{value:g}", allowed=allowed)
+
+
+def _one_period(scenario: Scenario) -> Iterable[Fault]:
+    period = scenario.control.sampling_time_s
+    if scenario.duration_s < period:
+        allowed = f"at least one control period, {period:g}"
+        yield Fault(key=("duration_s",), got=f"{scenario.duration_s:g}", allowed=allowed)
+
+
+def _reference(scenario: Scenario) -> Iterable[Fault]:
+    faults = scenario.reference.faults(scenario.believed_robot)
+    yield from (fault.within("reference") for fault in faults)
+
+
+def _controller(scenario: Scenario) -> Iterable[Fault]:
+    if not scenario.reference.faults(scenario.believed_robot):
+        yield from scenario.controller.faults(scenario.reference, _path(scenario))
+
+
+def _path(scenario: Scenario) -> ReferencePath | None:
+    """The reference over the run and beyond, at no more than MOST_SAMPLES."""
+    count = min(scenario.samples, MOST_SAMPLES)
+    time_s = np.linspace(0.0, (scenario.samples - 1) * scenario.control.sampling_time_s, count)
+    with np.errstate(all="ignore"):  # what does not move has no direction: NaN, found by the law
+        return scenario.reference.sample(time_s, scenario.believed_robot)
+
+
+STEP = "plant.contact.timestep_s"
+CHECKS = (
+    Check(_tractor_masses, ("robot.tractor", "robot.casters")),
+    Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
+    Check(_belief, ("robot", "belief")),
+    Check(_open_loop, ("reference", "initial")),
+    Check(_contact_only, ("plant.kind", "plant.pushes")),
+    Check(_physics_rate, ("plant.kind", "output")),
+    Check(_frames, ("sensing.kind", "output")),
+    Check(_physics_steps, ("control", STEP)),
+    Check(_latency, ("sensing.kind", "sensing.latency_s", "control")),
+    Check(_one_period, ("duration_s", "control")),
+    Check(_reference, ("reference", "robot", "belief")),
+    Check(_controller, ("reference", "robot", "belief", "controller", "control", "duration_s")),
+)

@@ -1,0 +1,1 @@
+"""Many runs in processes, and when a finished one may be used again."""

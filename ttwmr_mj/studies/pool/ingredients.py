@@ -1,0 +1,162 @@
+"""What a result is made of; a finished one may be used again if and only if that is the same.
+
+A run is made of its resolved scenario, the data files that names, the code that computes, and the
+libraries. What a custom controller reads by itself is not known here.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+import sys
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args
+
+from ttwmr_mj.assets import models_folder
+from ttwmr_mj.run.folder import library_version
+from ttwmr_mj.scenario.schema import CustomController, Scenario
+from ttwmr_mj.studies.pool.code import (
+    NAME,
+    PACKAGE,
+    Follows,
+    Sources,
+    code_of,
+    follow_all,
+    module_file,
+)
+
+Ingredients = dict[str, Any]  # "scenario", "data", "code", "libraries"
+LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless")
+ENTRY = f"{NAME}.run.execute"
+# room → section of the scenario whose `kind` names the module in it that is used
+ROOMS = {"controllers": "controller", "references": "reference", "plants": "plant"}
+
+
+def made_of_run(scenario: Scenario, folder: Path | None = None) -> Ingredients:
+    """What a run is made of, as plain data.
+
+    Args:
+        scenario: resolved.
+        folder: where a custom controller is looked for first; None: here.
+    """
+    return {
+        "scenario": scenario.model_dump(mode="json"),
+        "data": {_shown(path): _digest(path) for path in sorted(set(data_files(scenario)))},
+        "code": _code_of_run(scenario, folder or Path()),
+        "libraries": _libraries(LIBRARIES),
+    }
+
+
+def made_of_study(module: str, libraries: tuple[str, ...]) -> Ingredients:
+    """What a computation without a run is made of: its module and all that this imports."""
+    return {"code": code_of([module]), "libraries": _libraries(libraries)}
+
+
+def differences(stored: Any, now: Any, where: str = "") -> list[str]:
+    """Where two of these differ: dotted keys, such as "code.ttwmr_mj.robot"."""
+    if not (isinstance(stored, dict) and isinstance(now, dict)):
+        return [] if stored == now else [where]
+    keys = sorted(stored.keys() | now.keys())
+    pairs = ((f"{where}.{key}" if where else key, stored.get(key), now.get(key)) for key in keys)
+    return [found for inner, a, b in pairs for found in differences(a, b, inner)]
+
+
+@cache
+def _libraries(names: tuple[str, ...]) -> dict[str, str | None]:
+    python = ".".join(platform.python_version_tuple()[:2])
+    return {"python": python, **{name: library_version(name) for name in names}}
+
+
+def _digest(path: Path) -> str | None:
+    """Of a file's bytes; None if there is none."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else None
+
+
+def _shown(path: Path) -> str:
+    """A file's name wherever the package is installed, else its path."""
+    for home in (PACKAGE / "_data", PACKAGE, PACKAGE.parent):
+        if path.is_relative_to(home):
+            return path.relative_to(home).as_posix()
+    return str(path)
+
+
+def data_files(scenario: Scenario) -> Iterator[Path]:
+    """Every file that the scenario's numbers come from."""
+    contact, sensing, reference = scenario.plant.contact, scenario.sensing, scenario.reference
+    calibration = getattr(sensing, "calibration_path", None)
+    if calibration is not None:
+        yield Path(calibration).resolve()
+    if reference.kind == "planned":
+        shipped = PACKAGE / "references" / "data" / f"{reference.plan}.csv"
+        yield Path(reference.plan).resolve() if reference.plan.endswith(".csv") else shipped
+    if scenario.plant.kind == "contact" or sensing.kind == "camera":
+        yield from _scene_files(Path(contact.model_path or models_folder() / "scene.xml").resolve())
+
+
+def _scene_files(path: Path) -> Iterator[Path]:
+    """An MJCF file, what it includes, and the meshes and pictures they name."""
+    yield path
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError):
+        return
+    folders = {path.parent} | {
+        path.parent / value
+        for compiler in root.iter("compiler")
+        for key, value in compiler.items()
+        if key in ("assetdir", "meshdir", "texturedir")
+    }
+    for element in root.iter():
+        found = [folder / element.get("file", "") for folder in sorted(folders)]
+        for file in (file.resolve() for file in found if file.is_file()):
+            yield from _scene_files(file) if element.tag == "include" else [file]
+
+
+def _code_of_run(scenario: Scenario, folder: Path) -> dict[str, str]:
+    sections = {room: getattr(scenario, section) for room, section in ROOMS.items()}
+    entries = [ENTRY, *(f"{NAME}.{room}.{section.kind}" for room, section in sections.items())]
+    entries += [type(section).__module__ for section in sections.values()]
+    if isinstance(scenario.controller, CustomController):
+        entries.append(scenario.controller.target.partition(":")[0])
+    own = [module for module in entries if module.split(".")[0] != NAME]
+    sources = _own_sources(own[0], folder) if own else Sources()
+    return code_of(entries, _follows(scenario), sources)
+
+
+def _own_sources(module: str, folder: Path) -> Sources:
+    """Where the user's module is: in the folder, or on the Python path."""
+    places = (folder.resolve(), *(Path(place or ".").resolve() for place in sys.path))
+    place = next((place for place in places if module_file(place, module)), None)
+    installed = place is not None and place.name in ("site-packages", "dist-packages")
+    return Sources(place, module.split(".")[0] if installed else "")
+
+
+def _follows(scenario: Scenario) -> Follows:
+    """Imports that lead to code of this run: no other law, reference or plant, no unused camera."""
+    kinds = {f"{NAME}.{room}.{kind}" for room in ROOMS for kind in _kinds(ROOMS[room])}
+    unused = kinds - {f"{NAME}.{room}.{getattr(scenario, key).kind}" for room, key in ROOMS.items()}
+    sees = scenario.sensing.kind == "camera"
+    vision, options = f"{NAME}.vision.", f"{NAME}.vision.options"
+
+    def follows(importer: str, imported: str) -> bool:
+        if imported.startswith(f"{NAME}.studies") or not follow_all(importer, imported):
+            return False
+        if imported.startswith(vision) and not sees:
+            return imported == options or importer.startswith(vision)
+        # one law may be built on another, and a user's on any
+        return imported not in unused or importer in kinds or not importer.startswith(f"{NAME}.")
+
+    return follows
+
+
+def _kinds(section: str) -> list[str]:
+    """Every `kind` a section of a scenario may have."""
+    annotation = Scenario.model_fields[section].annotation
+    return [
+        str(kind)
+        for model in get_args(annotation) or (annotation,)
+        for kind in get_args(model.model_fields["kind"].annotation)
+    ]

@@ -1,0 +1,208 @@
+"""Many jobs in processes: each alone with its crash, its hang and its globals.
+
+Every job gets a process of its own, forked from a server that has imported what all of them need.
+It has its own session, so that Ctrl-C reaches whoever called `run_jobs`, who then decides.
+"""
+
+from __future__ import annotations
+
+import math
+import multiprocessing
+import os
+import signal
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Generator, Iterable, Sequence
+from dataclasses import dataclass
+from itertools import count, islice
+from multiprocessing.connection import Connection, wait
+from pathlib import Path
+from time import monotonic
+from typing import Any
+
+from ttwmr_mj.errors import TtwmrError
+
+LEAVE_S = 1.0  # a process that has answered is given this long to end, threads of a law included
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One piece of work.
+
+    Attributes:
+        name: for whoever reads the events.
+        call: a function that can be imported by its name.
+        arguments: of `call`; they and its result can be pickled.
+        timeout_s: wall time after which the job's process is killed.
+    """
+
+    name: str
+    call: Callable[..., Any]
+    arguments: tuple[Any, ...] = ()
+    timeout_s: float = math.inf
+
+
+@dataclass(frozen=True, slots=True)
+class Done:
+    """A job that came to its end, and what it returned."""
+
+    job: Job
+    result: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Failed:
+    """A job that raised, died or took too long.
+
+    Attributes:
+        job: which.
+        reason: in words; a traceback for what nobody raised on purpose. The last line says it.
+        error: what it raised, if that was raised on purpose.
+    """
+
+    job: Job
+    reason: str
+    error: TtwmrError | None = None
+
+
+Event = Done | Failed
+
+
+def run_jobs(
+    jobs: Iterable[Job], *, workers: int | None = None, preload: Sequence[str] = ()
+) -> Generator[Event, None, None]:
+    """Do jobs, several at a time, and report each as it ends.
+
+    A job is taken from `jobs` only when a process is free for it. Closing the iterator (use
+    `contextlib.closing`), or an exception such as Ctrl-C inside it, kills what is under way.
+
+    Args:
+        jobs: in the order in which they are started.
+        workers: processes at a time; None: one per processor.
+        preload: modules that are imported once for all jobs of this process, at its first call.
+
+    Yields:
+        One event per job, in the order in which they end.
+    """
+    context = _context(preload)
+    at_a_time = workers or os.cpu_count() or 1
+    waiting, running = iter(jobs), list[_Process]()
+    with tempfile.TemporaryDirectory(prefix="ttwmr-jobs-") as folder:
+        logs = (Path(folder) / str(i) for i in count())
+        try:
+            while True:
+                for job in islice(waiting, at_a_time - len(running)):
+                    running.append(_Process(context, job, next(logs)))
+                if not running:
+                    return
+                _wait(running)
+                for process in [process for process in running if process.is_over()]:
+                    running.remove(process)
+                    yield process.event()
+        finally:
+            for process in running:
+                process.end()
+
+
+def _context(preload: Sequence[str]) -> Any:
+    """Processes from a server that has the modules, or, where there is none, from nothing.
+
+    Never a fork of this process: a recording stream that is inherited drops what it is given.
+    """
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(preload))
+    return context
+
+
+def _wait(running: list[_Process]) -> None:
+    """Until one of the processes answers, ends, or has had its time."""
+    left_s = min(process.ends_at for process in running) - monotonic()
+    handles = [handle for process in running for handle in process.handles]
+    wait(handles, None if math.isinf(left_s) else max(left_s, 0.0))
+
+
+class _Process:
+    """A job under way.
+
+    Attributes:
+        handles: ready when there is something to hear.
+        ends_at: when its time is over, on the monotonic clock.
+    """
+
+    def __init__(self, context: Any, job: Job, log: Path) -> None:
+        self._job, self._log = job, log
+        self._answer, answer = context.Pipe(duplex=False)
+        self._process = context.Process(target=_work, args=(job.call, job.arguments, answer, log))
+        self._process.start()
+        answer.close()
+        self.handles = (self._answer, self._process.sentinel)
+        self.ends_at = monotonic() + job.timeout_s
+
+    def is_over(self) -> bool:
+        """Whether there is an event."""
+        answered = self._answer.poll() or not self._process.is_alive()
+        return answered or monotonic() >= self.ends_at
+
+    def event(self) -> Event:
+        """What became of the job; its process is gone afterwards."""
+        try:
+            answer: Event | None = self._answer.recv() if self._answer.poll() else None
+        except EOFError:
+            answer = None
+        timed_out = answer is None and monotonic() >= self.ends_at
+        if not timed_out:
+            self._process.join(LEAVE_S)
+        code = self.end()
+        if isinstance(answer, Failed):
+            return Failed(self._job, answer.reason, answer.error)
+        if answer is not None:
+            return Done(self._job, answer.result)
+        reason = f"timed out after {self._job.timeout_s:g} s" if timed_out else self._death(code)
+        return Failed(self._job, reason)
+
+    def end(self) -> int:
+        """Kill the process and what it started, unless it has ended; its exit code."""
+        if self._process.is_alive():
+            try:
+                os.killpg(self._process.pid, signal.SIGKILL)
+            except (AttributeError, OSError):  # no such thing here, or no group of its own yet
+                self._process.kill()
+        self._process.join()
+        code = int(self._process.exitcode)
+        self._process.close()
+        self._answer.close()
+        return code
+
+    def _death(self, code: int) -> str:
+        """How a process ended that did not answer, and its last words."""
+        how = f"exit code {code}" if code >= 0 else signal.Signals(-code).name
+        words = self._log.read_text(errors="replace").strip() if self._log.is_file() else ""
+        return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
+
+
+def _work(
+    call: Callable[..., Any], arguments: tuple[Any, ...], answer: Connection, log: Path
+) -> None:
+    """In the process: do the job, answer with what came of it."""
+    if hasattr(os, "setsid"):
+        os.setsid()
+    with log.open("wb") as file:  # what a law prints is not for the terminal
+        os.dup2(file.fileno(), sys.__stdout__.fileno() if sys.__stdout__ else 1)
+        os.dup2(file.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)
+    said: Event
+    try:
+        said = Done(_NOTHING, call(*arguments))
+    except TtwmrError as error:
+        said = Failed(_NOTHING, str(error), error)
+    except BaseException:
+        said = Failed(_NOTHING, traceback.format_exc().strip())
+    try:
+        answer.send(said)
+    except Exception:  # it cannot be pickled
+        answer.send(Failed(_NOTHING, traceback.format_exc().strip()))
+
+
+_NOTHING = Job("", print)  # the parent knows which job it was

@@ -1,0 +1,84 @@
+"""Work that is done once: a job, what its result is made of, and where that is written down."""
+
+from __future__ import annotations
+
+import json
+import math
+import shutil
+from dataclasses import dataclass
+from pathlib import Path
+
+from ttwmr_mj.files import write_json
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.pool.ingredients import Ingredients, differences, made_of_run
+from ttwmr_mj.studies.pool.jobs import Job
+
+MADE_OF_FILE = "made_of.json"
+# what every run imports; Rerun is left out, which starts threads as it is imported
+PRELOAD = ("ttwmr_mj.run.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet")
+
+
+@dataclass(frozen=True, slots=True)
+class Task:
+    """A job whose result stays in files.
+
+    Attributes:
+        job: does it.
+        made_of: what the result will be made of.
+        mark: JSON of what the result that is there is made of; written last.
+    """
+
+    job: Job
+    made_of: Ingredients
+    mark: Path
+
+    def changes(self) -> list[str] | None:
+        """What the finished result differs in from what it would be; None if there is none."""
+        try:
+            stored = json.loads(self.mark.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return None
+        return differences(stored, self.made_of)
+
+    @property
+    def is_done(self) -> bool:
+        """Whether the result is there and made of the very same."""
+        return self.changes() == []
+
+    def mark_done(self) -> None:
+        """Say that the result is whole."""
+        self.mark.parent.mkdir(parents=True, exist_ok=True)
+        write_json(self.mark, self.made_of)
+
+
+def run_task(
+    name: str,
+    scenario: Scenario,
+    folder: Path,
+    command_line: list[str],
+    scenario_folder: Path | None = None,
+    timeout_s: float = math.inf,
+) -> Task:
+    """One run into a folder of its own; arguments as of `run.execute.run_scenario`."""
+    arguments = (
+        scenario,
+        folder.resolve(),
+        command_line,
+        scenario_folder and scenario_folder.resolve(),
+    )
+    return Task(
+        Job(name, make_run, arguments, timeout_s),
+        made_of_run(scenario, scenario_folder),
+        folder / MADE_OF_FILE,
+    )
+
+
+def make_run(
+    scenario: Scenario, folder: Path, command_line: list[str], scenario_folder: Path | None
+) -> None:
+    """Run a scenario into a folder that is emptied first."""
+    from ttwmr_mj.run.execute import run_scenario
+
+    shutil.rmtree(folder, ignore_errors=True)  # half a run, or one of something else
+    folder.mkdir(parents=True)
+    run_scenario(scenario, folder, scenario_folder=scenario_folder, command_line=command_line)
