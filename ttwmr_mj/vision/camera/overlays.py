@@ -1,6 +1,8 @@
-"""What lies between camera and floor or on it: occluders, glare, distractors."""
+"""What lies between camera and floor: occluders and glare."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -10,7 +12,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import OCCLUDER_CLASS, Image
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.options import Distractor, Glare, Occluder
+from ttwmr_mj.vision.camera.options import Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
 SUBPIXEL_BITS = 4
@@ -27,7 +29,7 @@ def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> F
 
 
 def fill(
-    image: Image, outline_px: FloatArray, value: tuple[float, ...], *, smooth: bool = True
+    image: Image, outline_px: FloatArray, value: Sequence[float], *, smooth: bool = True
 ) -> None:
     """Fill a convex outline (n, 2) into an image."""
     corners = np.rint(outline_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
@@ -63,10 +65,9 @@ class Occluders:
             centre = occluder_centre(occluder, time_s, labels_m)
             circle = circle_points(centre, occluder.diameter_m, self._height_m)
             outline = self._camera.project(circle)
-            grey = 255.0 * occluder.grey
-            fill(image, outline, (grey, grey, grey))
+            fill(image, outline, [255.0 * occluder.grey] * 3)
             if segmentation is not None:
-                fill(segmentation, outline, (float(OCCLUDER_CLASS),), smooth=False)
+                fill(segmentation, outline, [OCCLUDER_CLASS], smooth=False)
 
     def at(self, time_s: float) -> list[Occluder]:
         """Those that are there at a time."""
@@ -99,25 +100,3 @@ class GlareSpots:
         for spot, light in self._spots:
             if spot.contains(time_s):
                 cv2.add(image, light, dst=image)
-
-
-def draw_distractor(
-    image: Image,
-    distractor: Distractor,
-    camera: CameraModel,
-    scale_px: FloatArray,
-    colour: tuple[float, ...],
-) -> None:
-    """Draw a disc on the floor into the ideal picture plane, in place.
-
-    Args:
-        image: fine pixels.
-        distractor: which disc.
-        camera: gives position and axes.
-        scale_px: (3,) fine pixels per unit slope, and the column and row of the optical axis.
-        colour: value to fill in.
-    """
-    points = circle_points(np.array(distractor.position_m), distractor.diameter_m, 0.0)
-    in_camera = (points - camera.position_m) @ camera.rotation.T
-    outline = scale_px[0] * in_camera[:, :2] / in_camera[:, 2:] + scale_px[1:]
-    fill(image, outline, colour, smooth=image.ndim == 3)

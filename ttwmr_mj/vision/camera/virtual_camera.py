@@ -24,7 +24,7 @@ from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
-from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, draw_distractor
+from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
 from ttwmr_mj.vision.camera.posture import Posture
 from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
@@ -88,12 +88,13 @@ class VirtualCamera:
         whole = self._lens.whole
         self._floor = self._empty_floor.copy()
         classes = np.zeros(whole.shape, dtype=np.uint8)
-        scale = np.array([self._lens.focal_px, -whole.left - 0.5, -whole.top - 0.5])
         for distractor in distractors:
-            bgr = self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
-            colour = tuple(float(255 * channel) for channel in bgr)
-            draw_distractor(self._floor, distractor, self.true, scale, colour)
-            draw_distractor(classes, distractor, self.true, scale, (float(DISTRACTOR_CLASS),))
+            centre = np.array(distractor.position_m)
+            slopes = self.true.slopes(circle_points(centre, distractor.diameter_m, 0.0))
+            outline = self._lens.focal_px * slopes - [whole.left + 0.5, whole.top + 0.5]
+            colour = 255 * self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
+            fill(self._floor, outline, colour.tolist())
+            fill(classes, outline, [DISTRACTOR_CLASS], smooth=False)
         everywhere = slice(0, self.true.height_px), slice(0, self.true.width_px)
         self._background = self._lens.expose(self._floor, whole, *everywhere)
         self._background_classes = self._lens.nearest(classes, whole, *everywhere)
