@@ -7,7 +7,7 @@ import pytest
 
 from ttwmr_mj.run.build import generators
 from ttwmr_mj.scenario.schema import TruthSensing
-from ttwmr_mj.sensing import TruthSensor
+from ttwmr_mj.sensing import LatencyQueue, TruthSensor
 from ttwmr_mj.state import RobotState
 
 PERIOD = 0.033
@@ -36,14 +36,29 @@ def test_latency_is_exact_and_its_age_is_told(periods: int) -> None:
         assert seen.age_s[0] == pytest.approx(PERIOD * min(k, periods), abs=1e-15)
 
 
+def test_the_queue_gives_back_what_went_in_and_how_old_it_is() -> None:
+    queue = LatencyQueue[str](0.066, PERIOD)
+    assert [queue.exchange(word) for word in "abcde"] == [
+        ("a", 0),
+        ("a", 1),
+        ("a", 2),
+        ("b", 2),
+        ("c", 2),
+    ]
+
+
 def test_noise_has_the_asked_deviation_and_is_independent_per_simulation() -> None:
-    options = TruthSensing(position_noise_m=0.01, angle_noise_rad=0.02, rate_noise_rad_s=0.3)
+    options = TruthSensing(
+        position_noise_m=0.01, angle_noise_rad=0.02, velocity_noise_m_s=0.05, rate_noise_rad_s=0.3
+    )
     nsim = 20_000
     sensor = TruthSensor(options, PERIOD, nsim, np.random.default_rng(5))
     seen = sensor.observe(truth(0, nsim)).state
     # 5 σ of a sample deviation: σ/√(2n) = 0.5 %
     assert seen.q.std(axis=0) == pytest.approx([0.01, 0.01, 0.02, 0.02], rel=0.025)
-    assert seen.q_rate.std(axis=0) == pytest.approx([0, 0, 0.3, 0.3], rel=0.025)
+    assert seen.q_rate.std(axis=0) == pytest.approx([0.05, 0.05, 0.3, 0.3], rel=0.025)
+    assert np.abs(seen.q.mean(axis=0)).max() < 5e-4
+    assert np.abs(np.corrcoef(np.hstack([seen.q, seen.q_rate]).T) - np.eye(8)).max() < 0.04
 
 
 def test_named_generators_do_not_depend_on_one_another() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,9 +11,14 @@ import pytest
 from vision_scene import lab_calibration, model
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.calibration.board import BoardCamera, BoardDetector
-from ttwmr_mj.vision.calibration.calibrate import BoardViews, calibrate, calibrate_images
-from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
+from ttwmr_mj.vision.calibration.board import THICKNESS_M, BoardCamera, BoardDetector, BoardView
+from ttwmr_mj.vision.calibration.calibrate import (
+    BoardViews,
+    _held_poses,
+    calibrate,
+    calibrate_images,
+)
+from ttwmr_mj.vision.calibration.file import SHAPES, load_calibration, save_calibration
 from ttwmr_mj.vision.camera.model import hang_camera
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 
@@ -88,7 +94,12 @@ def test_unreadable_files_say_what_to_do(tmp_path: Path, content: str, message: 
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("image_width: 640", "image_width: -640", "whole number"),
+        ("image_width: 640", "image_width: -640", "image_width: got -640; allowed: a whole"),
+        ("image_width: 640", "image_width: 0", "whole number"),
+        ("image_width: 640", "image_width: 640.5", "whole number"),
+        ("views: ", "views: 0 # ", "views: got 0"),
+        ("image_width: 640", "image_width: wide", "no number or matrix"),
+        ("floor_rms_px: ", "floor_rms_px: .NaN # ", "floor_rms_px: .* finite"),
         ("rows: 3", "rows: 2", "damaged|shape|cannot be read"),
         ("image_height", "image_hight", "image_height: is missing"),
     ],
@@ -99,6 +110,81 @@ def test_damaged_values_are_refused(tmp_path: Path, old: str, new: str, message:
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(InputError, match=message):
         load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("key", "change", "message"),
+    [
+        ("rotation_world_to_camera", 1.001, "is not a rotation"),
+        ("camera_matrix", -1.0, "focal length that is not positive"),
+        ("camera_position_m", np.inf, "camera_position_m: .* finite"),
+    ],
+)
+def test_impossible_cameras_are_refused(
+    tmp_path: Path, key: str, change: float, message: str
+) -> None:
+    path = tmp_path / "camera.yml"
+    save_calibration(lab_calibration(), path)
+    storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
+    values = {name: storage.getNode(name) for name in SHAPES}
+    values = {name: n.mat() if n.isMap() else n.real() for name, n in values.items()}
+    storage.release()
+    writer = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    for name, value in values.items():
+        writer.write(name, np.asarray(value) * change if name == key else value)
+    writer.release()
+    with pytest.raises(InputError, match=message):
+        load_calibration(path)
+
+
+def test_one_view_is_a_number_of_views(tmp_path: Path) -> None:
+    save_calibration(replace(lab_calibration(), views=1), tmp_path / "camera.yml")
+    assert load_calibration(tmp_path / "camera.yml").views == 1
+
+
+def test_boards_of_known_pose_give_the_camera_back() -> None:
+    """Corners projected by a camera, without noise: every number comes back."""
+    true = hang_camera(model(), LAB_CAMERA)
+    columns, rows = np.meshgrid(np.arange(-3, 4), np.arange(-2, 3))
+    board = 0.08 * np.column_stack([columns.ravel(), rows.ravel()])
+
+    def view(rotation: np.ndarray, position: np.ndarray) -> BoardView:
+        points = position + board @ rotation[:, :2].T
+        return BoardView(board, true.project(points))
+
+    rng = np.random.default_rng(0)
+    low, high = [-0.6, -0.4, 0.4], [0.6, 0.4, 1.0]
+    held = [
+        view(cv2.Rodrigues(rng.uniform(-0.5, 0.5, 3))[0], rng.uniform(low, high)) for _ in range(12)
+    ]
+    flat = [
+        view(cv2.Rodrigues(np.array([0.0, 0.0, angle]))[0], np.array([x, y, THICKNESS_M]))
+        for x, y, angle in ((0.6, 0.4, 0.5), (-0.6, 0.4, -2.5), (-0.5, -0.4, 2.8))
+    ]
+    origin = [view(np.eye(3), np.array([0.0, 0.0, THICKNESS_M]))]
+    found = calibrate(BoardViews(held, origin, flat), 640, 480)
+    # OpenCV takes corners in single precision: 1e-5 px
+    assert found.reprojection_rms_px < 1e-4
+    assert found.floor_rms_px < 1e-3
+    assert found.views == 16
+    assert found.camera.focal_px == pytest.approx(true.focal_px, abs=1e-2)
+    assert found.camera.principal_px == pytest.approx(true.principal_px, abs=1e-2)
+    assert found.camera.distortion == pytest.approx(true.distortion, abs=1e-4)
+    assert found.camera.position_m == pytest.approx(true.position_m, abs=1e-5)
+    assert found.camera.rotation == pytest.approx(true.rotation, abs=1e-5)
+
+
+def test_held_boards_reach_every_part_of_the_picture() -> None:
+    camera = hang_camera(model(), LAB_CAMERA)
+    poses = _held_poses(camera, np.random.default_rng(0))
+    places = np.array([camera.project(position) for position, _ in poses])
+    assert places.min(axis=0) == pytest.approx([0.18 * 640, 0.2 * 480], abs=1e-6)
+    assert places.max(axis=0) == pytest.approx([0.82 * 640, 0.8 * 480], abs=1e-6)
+    assert len(np.unique(places.round(3), axis=0)) == 12
+    for position, rotation in poses:
+        assert 0.5 <= position[2] <= 1.2
+        assert rotation @ rotation.T == pytest.approx(np.eye(3), abs=1e-12)
+        assert 0.15 <= np.arccos(rotation[2, 2]) <= 0.6
 
 
 def test_missing_file_and_unwritable_folder(tmp_path: Path) -> None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import Generic, Literal, Protocol, TypeVar
+from typing import Annotated, Generic, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
@@ -13,17 +14,26 @@ from ttwmr_mj.robot import Config
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 T = TypeVar("T")
+UpTo10 = Annotated[float, Field(ge=0, le=10)]
 
 
 class TruthSensing(Config):
     """The true state, late and noisy if asked."""
 
     kind: Literal["truth"] = "truth"
-    latency_s: float = Field(default=0.0, ge=0, le=10, description="whole control periods")
-    position_noise_m: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
-    angle_noise_rad: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
-    velocity_noise_m_s: float = Field(default=0.0, ge=0, le=10, description="standard deviation")
-    rate_noise_rad_s: float = Field(default=0.0, ge=0, le=100, description="standard deviation")
+    latency_s: UpTo10 = Field(default=0.0, description="age of what arrives, whole control periods")
+    position_noise_m: UpTo10 = Field(
+        default=0.0, description="standard deviation of x and y; typically 0.001"
+    )
+    angle_noise_rad: UpTo10 = Field(
+        default=0.0, description="standard deviation of both angles; typically 0.001"
+    )
+    velocity_noise_m_s: UpTo10 = Field(
+        default=0.0, description="standard deviation of P's velocity; typically 0.001"
+    )
+    rate_noise_rad_s: float = Field(
+        default=0.0, ge=0, le=100, description="standard deviation of both rates; typically 0.01"
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,24 +55,21 @@ class Estimate:
     measurement_age_s: FloatArray | None = None
 
 
-class Sensor(Protocol):
+class Sensor(ABC):
     """Turns the plant's truth into what the controller sees, once per control period."""
 
+    @abstractmethod
     def observe(self, truth: RobotState) -> Estimate:
         """Take this sample's measurement and return the one that has arrived by now."""
-        ...
 
-    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
+    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:  # noqa: B027
         """Hear the wheel speeds (nsim, 2) that hold from now on for one period."""
-        ...
 
-    def keep_log(self) -> None:
+    def keep_log(self) -> None:  # noqa: B027
         """From now on, keep what was seen for whoever reports on the run."""
-        ...
 
-    def close(self) -> None:
+    def close(self) -> None:  # noqa: B027
         """Give back what the sensor holds."""
-        ...
 
 
 class LatencyQueue(Generic[T]):
@@ -84,7 +91,7 @@ class LatencyQueue(Generic[T]):
         return due, age
 
 
-class TruthSensor:
+class TruthSensor(Sensor):
     """The true state plus white Gaussian noise, through the latency queue."""
 
     def __init__(
@@ -111,12 +118,3 @@ class TruthSensor:
         fresh = Estimate(truth, self._fresh, self._valid, self._no_labels)
         due, age = self._queue.exchange(fresh)
         return replace(due, age_s=due.age_s + age * self._period_s) if age else due
-
-    def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
-        """Commands tell the truth nothing new."""
-
-    def keep_log(self) -> None:
-        """The trajectory holds all there is."""
-
-    def close(self) -> None:
-        """Nothing is held."""

@@ -91,16 +91,18 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
         return TruthSensor(section, period, plant.nsim, rng)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.plants.mjcf import build_model
-    from ttwmr_mj.vision.setup import make_camera_sensor
+    from ttwmr_mj.vision.sensor import CameraSensor
+    from ttwmr_mj.vision.setup import find_calibration
 
-    return make_camera_sensor(
+    calibration_rng, camera_rng = rng.spawn(2)
+    return CameraSensor(
         section,
-        build_model(scenario.robot, scenario.plant.contact),
+        find_calibration(section, calibration_rng, folder).camera,
         scenario.believed_robot,
-        rng,
-        folder,
+        build_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
+        rng=camera_rng,
         joint_positions=plant.joint_positions,
         segmentation=scenario.output.save_frames,
     )

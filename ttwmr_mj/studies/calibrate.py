@@ -25,9 +25,11 @@ def calibrate_scenario(scenario: Scenario) -> Calibration:
         MachineError: no OpenGL.
     """
     if not isinstance(scenario.sensing, CameraSensing):
-        raise InputError(
-            f"{scenario.name}: sensing.kind is 'truth', there is no camera to calibrate; add "
-            "--set sensing.kind=camera, or give a scenario with a camera"
+        raise InputError.at(
+            "sensing.kind",
+            f"{scenario.name} has no camera to calibrate",
+            got=repr(scenario.sensing.kind),
+            hint="add --set sensing.kind=camera, or give a scenario with a camera",
         )
     rng = generators(scenario.seed, ("calibration",))["calibration"]
     return calibrate_virtual(without_faults(scenario.sensing.camera), rng)
@@ -61,8 +63,8 @@ def write_board(path: Path) -> None:
     """
     try:
         written = cv2.imwrite(str(path), board_print())
-    except cv2.error as error:
-        raise InputError(f"--board {path}: cannot be written: {error.err}") from error
+    except cv2.error:  # no such format
+        written = False
     if not written:
         raise InputError(f"--board {path}: cannot be written; give a .png in an existing folder")
 

@@ -6,28 +6,28 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
 
+import cv2
 import mujoco
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.sensing import Estimate, LatencyQueue
+from ttwmr_mj.sensing import Estimate, LatencyQueue, Sensor
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.log import CameraRecord
+from ttwmr_mj.vision.options import CameraSensing
 from ttwmr_mj.vision.tracking.estimate import TrackEstimate
-from ttwmr_mj.vision.tracking.options import TrackerOptions
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
 JointPositions = Callable[[], FloatArray]
 
 
-class CameraSensor:
+class CameraSensor(Sensor):
     """A `Sensor` that sees frames only.
 
     Once per control period: `observe`, then `commanded` with what the controller answered.
@@ -36,20 +36,17 @@ class CameraSensor:
         cameras: one per simulation.
         trackers: one per simulation.
         layout: the labels on the robot.
-        frames: the newest frame that has arrived in each simulation; None where none has.
         estimates: the trackers' full answers of this period.
     """
 
     def __init__(
         self,
-        options: CameraOptions,
-        tracking: TrackerOptions,
+        section: CameraSensing,
         calibrated: CameraModel,
         believed: RobotParameters,
         model: mujoco.MjModel,
         *,
         period_s: float,
-        latency_s: float,
         nsim: int,
         rng: np.random.Generator,
         joint_positions: JointPositions | None = None,
@@ -58,13 +55,11 @@ class CameraSensor:
         """Set up a camera and a tracker per simulation.
 
         Args:
-            options: the camera, its sensor and its faults.
-            tracking: the tracker's noise model and limits.
-            calibrated: what the loop knows of the camera.
+            section: the camera with its faults, its latency and the tracker's options.
+            calibrated: what the loop knows of the camera (`find_calibration`).
             believed: what the trackers take the robot to be.
             model: the scene with the robot that is seen, as of `plants.mjcf.build_model`.
             period_s: control period; a frame is taken in each.
-            latency_s: from a shutter's closing to its frame's arrival, whole periods.
             nsim: simulations in the batch.
             rng: source of all noise and faults.
             joint_positions: the plant's, (nsim, nq), so that frames show every joint; None, or a
@@ -75,25 +70,30 @@ class CameraSensor:
             InputError: the scene lacks a part.
             MachineError: no OpenGL.
         """
+        # camera and loop keep two cores busy; parting a strip of a picture among more threads
+        # costs more time than it saves
+        cv2.setNumThreads(1)
         children = rng.spawn(2 * nsim)
         # OpenGL belongs to one thread; in one of its own, frames are exposed while the physics
         # and the tracker go on, for as long as they are travelling anyway
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         self.cameras: list[VirtualCamera] = self._worker.submit(
-            lambda: [VirtualCamera(options, model, child) for child in children[:nsim]]
+            lambda: [VirtualCamera(section.camera, model, child) for child in children[:nsim]]
         ).result()
         self.layout = self.cameras[0].layout
-        self.trackers = [Tracker(calibrated, self.layout, believed, tracking) for _ in range(nsim)]
-        self.frames: list[Frame | None] = [None] * nsim
+        self.trackers = [
+            Tracker(calibrated, self.layout, believed, section.tracker) for _ in range(nsim)
+        ]
         self.estimates: list[TrackEstimate] = []
-        self._segmentation = segmentation
+        delivery = section.camera.faults.delivery
+        self._faults = [DeliveryFaults(delivery, child) for child in children[nsim:]]
         self._log: list[CameraRecord] | None = None
-        self._faults = [DeliveryFaults(options.faults.delivery, child) for child in children[nsim:]]
         self._period_s = period_s
-        self._travelling = LatencyQueue[Future[Frames]](latency_s, period_s)
+        self._travelling = LatencyQueue[Future[Frames]](section.latency_s, period_s)
         self._arrived: Future[Frames] | None = None
-        self._joint_positions = joint_positions
         self._believed = believed
+        self._joint_positions = joint_positions
+        self._segmentation = segmentation
         self._k = 0
 
     def observe(self, truth: RobotState) -> Estimate:
@@ -106,10 +106,8 @@ class CameraSensor:
         if self._k == 0:
             self._start(truth)
         arrived = self._exchange(self._expose(truth, now))
-        self.estimates = [
-            self._track(simulation, frames, now) for simulation, frames in enumerate(arrived)
-        ]
-        answers = self.estimates
+        pairs = zip(self.trackers, arrived, strict=True)
+        self.estimates = answers = [_tracked(tracker, frames, now) for tracker, frames in pairs]
         if self._log is not None:
             frame = arrived[0][-1] if arrived[0] else None
             self._log.append(CameraRecord(now, frame, self.trackers[0].sighting, answers[0]))
@@ -181,11 +179,11 @@ class CameraSensor:
         self._arrived = due
         return due.result()
 
-    def _track(self, simulation: int, frames: list[Frame], now: float) -> TrackEstimate:
-        tracker = self.trackers[simulation]
-        for frame in frames:
-            tracker.see(frame.image, frame.time_s)
-            self.frames[simulation] = frame
-        if not frames:
-            tracker.miss(now)
-        return tracker.estimate(now)
+
+def _tracked(tracker: Tracker, frames: list[Frame], now: float) -> TrackEstimate:
+    """Where the robot is, after these frames."""
+    for frame in frames:
+        tracker.see(frame.image, frame.time_s)
+    if not frames:
+        tracker.miss(now)
+    return tracker.estimate(now)

@@ -16,9 +16,11 @@ from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.vision.calibration.file import load_calibration
+from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import read_layout
-from ttwmr_mj.vision.follow_video import FREE_MOTION, follow, open_footage
+from ttwmr_mj.vision.footage import open_footage
 from ttwmr_mj.vision.log import CameraRecord
+from ttwmr_mj.vision.tracking.options import FREE_MOTION
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 BATCH = 30  # frames worked in between two writes: a second
@@ -75,19 +77,24 @@ def track(
         open_footage(source, camera) as footage,
         TrackRecorder(folder / "track.rrd", source, camera, layout) as recorder,
     ):
+        wanted = islice(footage, max_frames)
         try:
-            records = follow(footage, tracker, max_frames=max_frames)
-            while some := list(islice(records, BATCH)):
-                recorder.append(some)
-                rows.extend(_row(record) for record in some)
+            while records := [_tracked(tracker, frame) for frame in islice(wanted, BATCH)]:
+                recorder.append(records)
+                rows.extend(map(_row, records))
                 if progress is not None:
                     progress(float(len(rows)))
         except KeyboardInterrupt:  # how one ends a camera's stream
             pass
     if not rows:
-        raise InputError(f"{source}: stopped before the first frame")
+        raise InputError(f"{source}: no frame was read; is the video empty or damaged?")
     _write(rows, folder / "poses.parquet")
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
+
+
+def _tracked(tracker: Tracker, frame: Frame) -> CameraRecord:
+    sighting = tracker.see(frame.image, frame.time_s)
+    return CameraRecord(frame.time_s, frame, sighting, tracker.estimate(frame.time_s))
 
 
 def _row(record: CameraRecord) -> tuple[float, ...]:

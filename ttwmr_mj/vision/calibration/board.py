@@ -61,7 +61,7 @@ class BoardDetector:
         rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
         on_board = self._corners[np.asarray(ids).ravel()] - 0.5 * SIZE_M
         on_board[:, 1] *= -1.0  # OpenCV counts a board's y from above
-        scale = _pixels_per_metre(on_board, rough)
+        scale = rough.std(axis=0).sum() / on_board.std(axis=0).sum()  # mean, pixels per metre
         pixels = _refined(grey, rough, max(MIN_REACH_PX, REACH_M * scale))
         return BoardView(on_board, pixels)
 
@@ -136,11 +136,6 @@ def _refined(grey: Image, corners_px: FloatArray, reach_px: float) -> FloatArray
     lost = np.abs(corner - corners_px).max(axis=1) > reach_px
     corner[lost] = corners_px[lost]
     return corner
-
-
-def _pixels_per_metre(points_m: FloatArray, pixels: FloatArray) -> float:
-    """Mean scale of a view of the board."""
-    return float(pixels.std(axis=0).sum() / points_m.std(axis=0).sum())
 
 
 def _half_disc(radius_px: float) -> tuple[FloatArray, FloatArray]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 import cv2
@@ -122,10 +123,10 @@ def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calib
         MachineError: no OpenGL.
     """
     camera = BoardCamera(options, rng)
-    moments = iter(PERIOD_S * np.arange(HELD_VIEWS + ORIGIN_VIEWS + len(FLAT_POSES)))
+    moments = count(0.0, PERIOD_S)
 
     def views(poses: list[Pose]) -> list[BoardView]:
-        return _found(camera.take(*pose, float(next(moments))) for pose in poses)
+        return _found(camera.take(*pose, next(moments)) for pose in poses)
 
     found = BoardViews(
         held=views(_held_poses(camera.true, rng)),

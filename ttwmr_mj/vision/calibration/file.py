@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import write_text
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -47,18 +48,14 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
         calibration.floor_rms_px,
         calibration.views,
     )
-    storage = None
+    mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
+    storage = cv2.FileStorage("", mode)
+    for key, value in zip(SHAPES, values, strict=True):
+        storage.write(key, value)
     try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_FORMAT_YAML)
-        if not storage.isOpened():
-            raise InputError(f"{path}: cannot be written; does its folder exist?")
-        for key, value in zip(SHAPES, values, strict=True):
-            storage.write(key, value)
-    except cv2.error as error:
-        raise InputError(f"{path}: cannot be written: {error.err}") from error
-    finally:
-        if storage is not None:
-            storage.release()
+        write_text(path, storage.releaseAndGetString())
+    except OSError as error:
+        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Calibration:
@@ -73,19 +70,13 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
     """
     if not path.is_file():
         raise InputError(f"{path}: no such calibration file; {FIX}")
-    unreadable = InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}")
     try:
-        storage = cv2.FileStorage(str(path), cv2.FILE_STORAGE_READ)
-    except (cv2.error, SystemError) as error:
-        raise unreadable from error
-    try:
-        if not storage.isOpened():
-            raise unreadable
+        text = path.read_text(encoding="utf-8")
+        storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         calibration = _read(storage, path)
-    except cv2.error as error:
-        raise InputError(f"{path}: damaged: {error.err}; {FIX}") from error
-    finally:
-        storage.release()
+    # OpenCV's binding raises the one or the other
+    except (OSError, ValueError, cv2.error, SystemError) as error:
+        raise InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}") from error
     camera = calibration.camera
     if size_px is not None and size_px != (camera.width_px, camera.height_px):
         raise InputError(
@@ -119,7 +110,8 @@ def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
     """A number or matrix of the shape that the key must have, finite."""
     if node.empty():
         raise _fault(path, key, problem="is missing")
-    content = node.real() if node.isReal() or node.isInt() else node.mat()
+    number = node.isReal() or node.isInt()
+    content = node.real() if number else node.mat() if node.isMap() else None
     if content is None or np.shape(content) != SHAPES[key] or not np.isfinite(content).all():
         got = "no number or matrix" if content is None else f"shape {np.shape(content)}"
         allowed = f"finite numbers of shape {SHAPES[key]}"

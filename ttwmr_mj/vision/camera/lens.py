@@ -29,6 +29,7 @@ class LensMap:
         self._scale = float(supersampling)
         self._supersampling = supersampling
         self._defocus_px = defocus_px
+        self._margin = 2 + int(np.ceil(4.0 * defocus_px))  # light reaches no farther, in pixels
         self._camera = camera
         column, row = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
         pixel = np.stack([column, row], axis=-1).astype(np.float64)
@@ -49,33 +50,28 @@ class LensMap:
         """Fine pixels per unit slope."""
         return float(self._scale * self._camera.focal_px[0])
 
-    @property
-    def margin_px(self) -> int:
-        """Sensor pixels beyond which an object's light cannot reach."""
-        return 2 + int(np.ceil(4.0 * self._defocus_px))
-
     def footprint(self, region: Region) -> tuple[slice, slice]:
         """Rows and columns of the sensor that see a region, clipped to the sensor, with margin."""
         left, top, right, bottom = (edge / self.focal_px for edge in region)
         middle_x, middle_y = 0.5 * (left + right), 0.5 * (top + bottom)
         border = [(x, y) for x in (left, middle_x, right) for y in (top, middle_y, bottom)]
         pixel = self._camera.to_pixels(np.array(border))
-        low = np.floor(pixel.min(axis=0)).astype(int) - self.margin_px
-        high = np.ceil(pixel.max(axis=0)).astype(int) + self.margin_px + 1
+        low = np.floor(pixel.min(axis=0)).astype(int) - self._margin
+        high = np.ceil(pixel.max(axis=0)).astype(int) + self._margin + 1
         limit = np.array([self._camera.width_px, self._camera.height_px])
         low, high = np.clip(low, 0, limit), np.clip(high, 0, limit)
         return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
 
     def source(self, rows: slice, columns: slice) -> Region:
         """The region of fine pixels needed for a window of the sensor, defocus included."""
-        return self._source(*self._grown(rows, columns, self.margin_px))
+        return self._source(*self._grown(rows, columns, self._margin))
 
     def expose(self, fine: Image, region: Region, rows: slice, columns: slice) -> Image:
         """What a window of the sensor sees of a region, (rows, columns, 3) as `fine`.
 
         Averages over a sensor pixel's area, then over the lens's blur.
         """
-        window = self._grown(rows, columns, self.margin_px if self._defocus_px else 0)
+        window = self._grown(rows, columns, self._margin if self._defocus_px else 0)
         # the average of an even number lies between two pixels; OpenCV keeps it at the later
         late = 0.5 * (self._supersampling % 2 == 0)
         u = self._u[window] - np.float32(region.left + 0.5 - late)

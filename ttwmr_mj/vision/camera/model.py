@@ -51,8 +51,12 @@ class CameraModel:
 
     def project(self, point_m: FloatArray) -> FloatArray:
         """Pixels (..., 2) of world points (..., 3) in front of the camera."""
+        return self.to_pixels(self.slopes(point_m))
+
+    def slopes(self, point_m: FloatArray) -> FloatArray:
+        """Slopes x/z and y/z (..., 2) of the rays to world points (..., 3), undistorted."""
         in_camera = (point_m - self.position_m) @ self.rotation.T
-        return self.to_pixels(in_camera[..., :2] / in_camera[..., 2:])
+        return np.asarray(in_camera[..., :2] / in_camera[..., 2:])
 
     def to_pixels(self, tangent: FloatArray) -> FloatArray:
         """Pixels (..., 2) of undistorted ray slopes (..., 2), x/z and y/z in the camera."""

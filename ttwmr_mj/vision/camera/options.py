@@ -16,26 +16,27 @@ T = TypeVar("T")
 Several = Annotated[tuple[T, ...], Field(strict=False)]
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
-LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
+Radial = Annotated[float, Field(ge=-1, le=1)]
+Tangential = Annotated[float, Field(ge=-0.1, le=0.1)]
 END_S = 3600.0  # an hour: longer than any run
+Moment = Annotated[float, Field(ge=0, le=END_S)]
+Side = Annotated[int, Field(ge=64, le=4096)]
+LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
 
 
 class Lens(Config):
     """Brown-Conrady distortion, where the optical axis meets the sensor, and focus."""
 
-    k1: float = Field(
-        default=0.0, ge=-1, le=1, description="radial, r²; a barrel below 0, typically -0.1"
-    )
-    k2: float = Field(default=0.0, ge=-1, le=1, description="radial, r⁴; typically 0.05")
-    p1: float = Field(default=0.0, ge=-0.1, le=0.1, description="tangential; typically 0.0005")
-    p2: float = Field(default=0.0, ge=-0.1, le=0.1, description="tangential; typically 0.0005")
-    k3: float = Field(default=0.0, ge=-1, le=1, description="radial, r⁶; for wide lenses only")
+    k1: Radial = Field(default=0.0, description="radial, r²; below 0 a barrel, typically -0.1")
+    k2: Radial = Field(default=0.0, description="radial, r⁴; typically 0.05")
+    p1: Tangential = Field(default=0.0, description="tangential; typically 0.0005")
+    p2: Tangential = Field(default=0.0, description="tangential; typically 0.0005")
+    k3: Radial = Field(default=0.0, description="radial, r⁶; for wide lenses only")
     principal_offset_px: Pair = Field(
-        default=(0.0, 0.0),
-        description="where the optical axis lies from the picture's centre: right, down; a few px",
+        default=(0.0, 0.0), description="optical axis from the picture's centre: right, down; a few"
     )
     defocus_px: float = Field(
-        default=0.0, ge=0, le=20, description="blur, Gaussian standard deviation; 0.5 is sharp"
+        default=0.0, ge=0, le=20, description="blur: Gaussian standard deviation; 0.6 in the lab"
     )
 
 
@@ -43,13 +44,10 @@ class Exposure(Config):
     """How long the shutter is open; a frame's time is the middle of its exposure."""
 
     exposure_s: float = Field(
-        default=0.0, ge=0, le=1, description="open shutter; 0: no motion blur, 0.008 in a lab"
+        default=0.0, ge=0, le=1, description="0: no motion blur; 0.008 in the lab"
     )
     blur_step_px: float = Field(
-        default=0.4,
-        gt=0,
-        le=10,
-        description="motion between two of the instants that are averaged into a blurred picture",
+        default=0.4, gt=0, le=10, description="motion between two of the averaged instants"
     )
 
 
@@ -60,26 +58,24 @@ class Noise(Config):
         default=0.0, description="standard deviation at any light; typically 0.02"
     )
     shot_noise: Share = Field(
-        default=0.0,
-        description="standard deviation at full scale, proportional to the root of the light; "
-        "typically 0.01",
+        default=0.0, description="standard deviation at full scale, goes with the root of light"
     )
     gain_drift: Share = Field(
-        default=0.0, description="standard deviation of the gain's slow drift; typically 0.02"
+        default=0.0, description="standard deviation of the slow gain; typically 0.02"
     )
     white_balance_drift: Share = Field(
-        default=0.0, description="the same for each colour channel by itself; typically 0.01"
+        default=0.0, description="standard deviation of each channel's slow gain; typically 0.01"
     )
     drift_time_s: float = Field(
-        default=5.0, gt=0, le=END_S, description="correlation time of the drifts"
+        default=5.0, gt=0, le=END_S, description="correlation time of the slow gains"
     )
 
 
 class Window(Config):
     """An interval of simulated time."""
 
-    start_s: float = Field(default=0.0, ge=0, le=END_S, description="begins at this time")
-    end_s: float = Field(default=END_S, ge=0, le=END_S, description="ends before this time")
+    start_s: Moment = Field(default=0.0, description="the first moment")
+    end_s: Moment = Field(default=END_S, description="the first moment after it")
 
     def contains(self, time_s: float) -> bool:
         """Whether a time lies in [start_s, end_s)."""
@@ -90,24 +86,21 @@ class Occluder(Window):
     """Something opaque between camera and floor: it crosses, or it rides above one half."""
 
     over: Literal["path", "tractor", "trailer"] = Field(
-        default="path",
-        description="path: moves from from_m to to_m; else stays above that half's labels",
+        default="path", description="path: from from_m to to_m; else above that half's labels"
     )
     from_m: Pair = Field(default=(-1.0, 0.0), description="x, y in the label plane at start_s")
     to_m: Pair = Field(default=(1.0, 0.0), description="x, y in the label plane at end_s")
     diameter_m: float = Field(
         default=0.25, gt=0, le=5, description="of the disc; 0.16 covers one half's labels"
     )
-    grey: Share = Field(default=0.2, description="brightness; 0 black, 1 white")
+    grey: Share = Field(default=0.2, description="its brightness: 0 black, 1 white")
 
 
 class Glare(Window):
     """A bright spot with soft edges that washes colours out."""
 
     position_px: Pair = Field(default=(320.0, 240.0), description="column, row of its centre")
-    radius_px: float = Field(
-        default=40.0, gt=0, le=1000, description="standard deviation of its Gaussian profile"
-    )
+    radius_px: float = Field(default=40.0, gt=0, le=1000, description="standard deviation")
     strength: float = Field(
         default=1.0, ge=0, le=10, description="light added at the centre; from 1 on it saturates"
     )
@@ -132,13 +125,9 @@ class Delivery(Config):
     """Frames that do not come, come again, or come late."""
 
     dropped: Share = Field(default=0.0, description="share of frames lost; 0.2 is a bad link")
-    frozen: Share = Field(
-        default=0.0, description="share of frames that show the previous picture once more"
-    )
+    frozen: Share = Field(default=0.0, description="share of frames that repeat the last picture")
     late: Share = Field(default=0.0, description="share of frames that come late")
-    late_periods: int = Field(
-        default=1, ge=1, le=30, description="how late they come, in control periods"
-    )
+    late_periods: int = Field(default=1, ge=1, le=30, description="how late: control periods")
     blackouts: Several[Window] = Field(default=(), description="intervals without any frame")
 
 
@@ -157,13 +146,10 @@ class CameraOptions(Config):
 
     name: str = Field(default="overhead", description="the camera's name in the scene file")
     height_m: float | None = Field(
-        default=None,
-        gt=0.2,
-        le=20,
-        description="above the floor; left out: as in the scene file, which says 1.9",
+        default=None, gt=0.2, le=20, description="above the floor; left out: the scene's, 1.9"
     )
-    width_px: int = Field(default=640, ge=64, le=4096, description="columns of the picture")
-    height_px: int = Field(default=480, ge=64, le=4096, description="rows of the picture")
+    width_px: Side = Field(default=640, description="columns of the picture")
+    height_px: Side = Field(default=480, description="rows of the picture")
     supersampling: Literal[1, 2, 3, 4, 5] = Field(
         default=3, description="rendered pixels along one sensor pixel; time grows with its square"
     )

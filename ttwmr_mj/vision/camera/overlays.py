@@ -1,6 +1,8 @@
-"""What lies between camera and floor or on it: occluders, glare, distractors."""
+"""What lies between camera and floor: occluders and glare."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import cv2
 import numpy as np
@@ -10,12 +12,12 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import OCCLUDER_CLASS, Image
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.options import Distractor, Glare, Occluder
+from ttwmr_mj.vision.camera.options import Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
 SUBPIXEL_BITS = 4
-_TURN = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
-CIRCLE: FloatArray = np.stack([np.cos(_TURN), np.sin(_TURN)], axis=-1)
+_ANGLE = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
+CIRCLE: FloatArray = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=-1)
 
 
 def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> FloatArray:
@@ -27,7 +29,7 @@ def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> F
 
 
 def fill(
-    image: Image, outline_px: FloatArray, value: tuple[float, ...], *, smooth: bool = True
+    image: Image, outline_px: FloatArray, value: Sequence[float], *, smooth: bool = True
 ) -> None:
     """Fill a convex outline (n, 2) into an image."""
     corners = np.rint(outline_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
@@ -59,29 +61,24 @@ class Occluders:
         self, image: Image, segmentation: Image | None, time_s: float, labels_m: FloatArray
     ) -> None:
         """Draw into the image and the segmentation, in place."""
-        for occluder in self._occluders:
-            if not occluder.contains(time_s):
-                continue
+        for occluder in self.at(time_s):
             centre = occluder_centre(occluder, time_s, labels_m)
-            outline = self._camera.project(
-                circle_points(centre, occluder.diameter_m, self._height_m)
-            )
-            grey = 255.0 * occluder.grey
-            fill(image, outline, (grey, grey, grey))
+            circle = circle_points(centre, occluder.diameter_m, self._height_m)
+            outline = self._camera.project(circle)
+            fill(image, outline, [255.0 * occluder.grey] * 3)
             if segmentation is not None:
-                fill(segmentation, outline, (float(OCCLUDER_CLASS),), smooth=False)
+                fill(segmentation, outline, [OCCLUDER_CLASS], smooth=False)
 
-    def any_at(self, time_s: float) -> bool:
-        """Whether any of them is there at a time."""
-        return any(occluder.contains(time_s) for occluder in self._occluders)
+    def at(self, time_s: float) -> list[Occluder]:
+        """Those that are there at a time."""
+        return [occluder for occluder in self._occluders if occluder.contains(time_s)]
 
     def hide(self, points_m: FloatArray, time_s: float, labels_m: FloatArray) -> NDArray[np.bool_]:
         """Which of the points (..., 3), at the labels' height, are hidden."""
         hidden = np.zeros(points_m.shape[:-1], dtype=np.bool_)
-        for occluder in self._occluders:
-            if occluder.contains(time_s):
-                offset = points_m[..., :2] - occluder_centre(occluder, time_s, labels_m)
-                hidden |= (offset**2).sum(axis=-1) < (0.5 * occluder.diameter_m) ** 2
+        for occluder in self.at(time_s):
+            offset = points_m[..., :2] - occluder_centre(occluder, time_s, labels_m)
+            hidden |= (offset**2).sum(axis=-1) < (0.5 * occluder.diameter_m) ** 2
         return hidden
 
 
@@ -103,25 +100,3 @@ class GlareSpots:
         for spot, light in self._spots:
             if spot.contains(time_s):
                 cv2.add(image, light, dst=image)
-
-
-def draw_distractor(
-    image: Image,
-    distractor: Distractor,
-    camera: CameraModel,
-    scale_px: FloatArray,
-    colour: tuple[float, ...],
-) -> None:
-    """Draw a disc on the floor into the ideal picture plane, in place.
-
-    Args:
-        image: fine pixels.
-        distractor: which disc.
-        camera: gives position and axes.
-        scale_px: (3,) fine pixels per unit slope, and the column and row of the optical axis.
-        colour: value to fill in.
-    """
-    points = circle_points(np.array(distractor.position_m), distractor.diameter_m, 0.0)
-    in_camera = (points - camera.position_m) @ camera.rotation.T
-    outline = scale_px[0] * in_camera[:, :2] / in_camera[:, 2:] + scale_px[1:]
-    fill(image, outline, colour, smooth=image.ndim == 3)

@@ -24,7 +24,7 @@ from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
-from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, draw_distractor
+from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
 from ttwmr_mj.vision.camera.posture import Posture
 from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
@@ -88,12 +88,13 @@ class VirtualCamera:
         whole = self._lens.whole
         self._floor = self._empty_floor.copy()
         classes = np.zeros(whole.shape, dtype=np.uint8)
-        scale = np.array([self._lens.focal_px, -whole.left - 0.5, -whole.top - 0.5])
         for distractor in distractors:
-            bgr = self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
-            colour = tuple(float(255 * channel) for channel in bgr)
-            draw_distractor(self._floor, distractor, self.true, scale, colour)
-            draw_distractor(classes, distractor, self.true, scale, (float(DISTRACTOR_CLASS),))
+            centre = np.array(distractor.position_m)
+            slopes = self.true.slopes(circle_points(centre, distractor.diameter_m, 0.0))
+            outline = self._lens.focal_px * slopes - [whole.left + 0.5, whole.top + 0.5]
+            colour = 255 * self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
+            fill(self._floor, outline, colour.tolist())
+            fill(classes, outline, [DISTRACTOR_CLASS], smooth=False)
         everywhere = slice(0, self.true.height_px), slice(0, self.true.width_px)
         self._background = self._lens.expose(self._floor, whole, *everywhere)
         self._background_classes = self._lens.nearest(classes, whole, *everywhere)
@@ -195,7 +196,7 @@ class VirtualCamera:
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
-        if not self._occluders.any_at(time_s) and self._well_inside(centres_px):
+        if not self._occluders.at(time_s) and self._well_inside(centres_px):
             return np.ones(COUNT)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
@@ -228,15 +229,12 @@ def _fade(model: mujoco.MjModel, faded: FadedLabel) -> None:
 
 def _classes(model: mujoco.MjModel) -> Image:
     """Class of every geom id, and of −1 in the last entry."""
-    trailer = model.body("trailer").id
-    classes = np.zeros(model.ngeom + 1, dtype=np.uint8)
-    for geom in range(model.ngeom):
-        body = int(model.geom_bodyid[geom])
-        if body == 0:
-            continue
-        while body not in (0, trailer):
-            body = int(model.body_parentid[body])
-        classes[geom] = TRAILER_CLASS if body == trailer else TRACTOR_CLASS
-    for i in range(COUNT):
-        classes[model.geom(f"label_{NAMES[i]}").id] = FIRST_LABEL_CLASS + i
+    of_body = np.zeros(model.nbody, dtype=np.uint8)
+    for body in range(1, model.nbody):  # parents come before their children
+        of_body[body] = of_body[model.body_parentid[body]] or TRACTOR_CLASS
+        if body == model.body("trailer").id:
+            of_body[body] = TRAILER_CLASS
+    classes = np.append(of_body[model.geom_bodyid], np.uint8(0))
+    for i, name in enumerate(NAMES):
+        classes[model.geom(f"label_{name}").id] = FIRST_LABEL_CLASS + i
     return classes

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -72,16 +73,11 @@ class CommandHistory:
 
     def ramps(self, start_s: float, end_s: float) -> Iterator[TwistRamp]:
         """The commanded twist between two times, in order; nothing where end is not later."""
-        time, (u1, u2) = start_s, self.twist(start_s)
-        inner = self._times[bisect_right(self._times, start_s) :]
-        for knot in (*inner, np.inf):
-            until = min(float(knot), end_s)
-            if until > time:
-                end1, end2 = self.twist(until)
-                yield TwistRamp(until - time, u1, u2, end1, end2)
-                time, u1, u2 = until, end1, end2
-            if until >= end_s:
-                return
+        inner = self._times[bisect_right(self._times, start_s) : bisect_left(self._times, end_s)]
+        knots = [(time, self.twist(time)) for time in (start_s, *inner, end_s)]
+        for (begin, first), (end, last) in pairwise(knots):
+            if end > begin:
+                yield TwistRamp(end - begin, *first, *last)
 
     def _add(self, time_s: float, speed: FloatArray) -> None:
         self._times.append(time_s)

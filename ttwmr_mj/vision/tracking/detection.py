@@ -16,15 +16,12 @@ from numpy.typing import NDArray
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
-from ttwmr_mj.vision.tracking.restoration import (
-    Response,
-    blobs,
-    label_sized,
-    neutral_colour,
-    smooth,
-)
+from ttwmr_mj.vision.tracking.restoration import blobs, label_sized, neutral_colour
+
+Response = NDArray[np.float32]
 
 MIN_CONTRAST = 32.0  # grey levels; 2 % noise is 5, a new label 150 to 200
+SMOOTHING_PX = (3, 3)  # leaves a third of white noise, and is narrower than a label
 EDGE = 0.5  # of the peak response: there lies a blurred edge
 FLOOR = 0.1  # of the peak response: below lie noise and the tints of what is nearly grey
 # ratio of the light's variances along and across: 1.06 is the most that noise and a sharp eye give,
@@ -120,7 +117,7 @@ class Detector:
         hue = self._balanced_hue(image)[label].astype(np.float32)
         response = np.matmul(patches.reshape(count, -1, 3), hue[:, :, None])
         response = response.reshape(count, side, side)
-        even = smooth(response.reshape(-1, side)).reshape(count, side, side)
+        even = cv2.blur(response.reshape(-1, side), SMOOTHING_PX).reshape(count, side, side)
         peak = even.max(axis=(1, 2))
         mask = (even > (EDGE * peak)[:, None, None]).view(np.uint8)
         mask[:, 0] = mask[:, -1] = 0  # regions are stacked: keep their blobs apart

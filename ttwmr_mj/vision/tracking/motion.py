@@ -21,8 +21,7 @@ from ttwmr_mj.vision.tracking.options import TrackerOptions
 
 SIZE = 7
 X, Y, THETA1, THETA2, DELTA1, DELTA2, THETA2_RATE = range(SIZE)
-# a control period of 33 ms is linearized at once; over 40 ms that costs the covariance 0.2 %
-LONGEST_LINEARIZATION_S = 0.04
+LONGEST_LINEARIZATION_S = 0.04  # a control period of 33 ms; 66 ms change deviations by 5 %
 FASTEST_1_S = 1000.0  # a hitch that settles in 1 ms is locked for frames 33 ms apart
 MILD = 0.5  # a rate times a time up to which a Taylor polynomial of second order does
 ACCELERATION_TIME_S = 0.033  # the missing acceleration is taken as constant for so long

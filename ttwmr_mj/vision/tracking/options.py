@@ -2,69 +2,55 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
 from pydantic import Field
 
 from ttwmr_mj.robot import Config
+
+UpTo10 = Annotated[float, Field(gt=0, le=10)]
 
 
 class TrackerOptions(Config):
     """How labels are looked for and fused with the commanded wheel speeds."""
 
-    label_noise_px: float = Field(
-        default=0.0225,
-        gt=0,
-        le=10,
-        description="standard deviation of a label's centre along one axis; 0.15 in a JPEG video",
+    label_noise_px: UpTo10 = Field(
+        default=0.0225, description="standard deviation of a label's centre; 0.15 in a JPEG video"
     )
     calibration_noise_m: float = Field(
-        default=0.00003,
-        ge=0,
-        le=1,
-        description="standard deviation of a label's position that the calibration leaves",
+        default=0.00003, ge=0, le=1, description="standard deviation of what calibration left over"
     )
-    speed_noise_m_s: float = Field(
-        default=0.003,
-        gt=0,
-        le=10,
-        description="standard deviation of P's speed from what the wheels say: slip, servo error",
+    speed_noise_m_s: UpTo10 = Field(
+        default=0.003, description="how far P's speed strays from the wheels': slip, servo error"
     )
     turn_noise_rad_s: float = Field(
-        default=0.02,
-        gt=0,
-        le=100,
-        description="standard deviation of the tractor's yaw rate from what the wheels say",
+        default=0.02, gt=0, le=100, description="how far the yaw rate strays from the wheels'"
     )
     noise_time_s: float = Field(
-        default=0.3, gt=0, le=3600.0, description="correlation time of these two deviations"
+        default=0.3, gt=0, le=3600, description="for how long they stray: correlation time"
     )
     swing_noise_rad_s2: float = Field(
-        default=0.5,
-        gt=0,
-        le=1e3,
-        description="standard deviation of the trailer's angular acceleration from the hitch model",
+        default=0.5, gt=0, le=1e3, description="angular acceleration that the hitch model lacks"
     )
     gate_chi2: float = Field(
         default=18.4,
         gt=0,
         le=1e3,
-        description="labels with a larger squared normalised innovation are ignored; 18.4 passes "
-        "99.99 % of good ones",
+        description="largest squared normalised innovation of a label that is used; 18.4 refuses "
+        "one good label in 10 000",
     )
     max_blind_s: float = Field(
-        default=0.15,
-        gt=0,
-        le=60,
-        description="after so long without labels the estimate is invalid; a few control periods",
+        default=0.15, gt=0, le=60, description="longer without labels and the estimate is invalid"
     )
-    max_position_std_m: float = Field(
-        default=0.02,
-        gt=0,
-        le=10,
-        description="the estimate is invalid where x or y has a larger standard deviation",
+    max_position_std_m: UpTo10 = Field(
+        default=0.02, description="the estimate is invalid where x or y is more uncertain"
     )
-    max_angle_std_rad: float = Field(
-        default=0.2,
-        gt=0,
-        le=10,
-        description="the estimate is invalid where θ1 or θ2 has a larger standard deviation",
+    max_angle_std_rad: UpTo10 = Field(
+        default=0.2, description="the estimate is invalid where θ1 or θ2 is more uncertain"
     )
+
+
+# nobody tells what the wheels of a filmed robot were told: anything they can do must be expected
+FREE_MOTION = TrackerOptions(
+    label_noise_px=0.15, speed_noise_m_s=0.2, turn_noise_rad_s=2.0, noise_time_s=0.5
+)

@@ -6,16 +6,12 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 
-Response = NDArray[np.float32]
-
 NEUTRAL_STRIDE = 16  # every 16th pixel of both axes tells the colour of a mostly grey floor
 NEUTRAL_BRIGHTNESS = (8.0, 247.0)  # nearly black has no colour, nearly white has lost it
-SMOOTHING_PX = 3  # wider than a pixel's noise, narrower than a label
 # a label's blob at half its peak, compared with a full disc
 AREA_SHARE = (0.7, 1.5)
 SIDE_SLACK_PX = 2.2  # how much shorter or longer than a diameter a blob's sides may be
@@ -46,11 +42,6 @@ def neutral_colour(image: Image) -> FloatArray:
     if typical[:3].min() < low or typical[:3].max() > high:
         return np.ones(3)
     return np.asarray(typical[:3] / typical[:3].mean())
-
-
-def smooth(response: Response) -> Response:
-    """A response averaged over 3 × 3 pixels, which leaves a third of white noise."""
-    return np.asarray(cv2.blur(response, (SMOOTHING_PX, SMOOTHING_PX)))
 
 
 def blobs(mask: Image) -> Blobs:

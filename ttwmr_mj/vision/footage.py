@@ -1,0 +1,56 @@
+"""Frames of a video file or a camera's stream."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from itertools import count
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.vision.camera.frame import Frame
+from ttwmr_mj.vision.camera.model import CameraModel
+
+DEFAULT_RATE_HZ = 30.0  # where a stream does not tell
+
+
+@contextmanager
+def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
+    """The frames of a video file, or of a camera by its index; the calibration must fit them.
+
+    Raises:
+        InputError: it cannot be opened, or has another resolution than the calibrated camera.
+    """
+    if not source.isdecimal() and not Path(source).is_file():
+        raise InputError(f"{source}: no such video file; give a file or a camera's index")
+    stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+    try:
+        if not stream.isOpened():
+            raise InputError(
+                f"{source}: cannot be opened as a video; is it damaged, or in a format that "
+                "OpenCV does not read? AVI with MJPG always works"
+            )
+        width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
+        height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
+        if (width, height) != (camera.width_px, camera.height_px):
+            raise InputError(
+                f"{source}: has {width}×{height} px, but the camera was calibrated at "
+                f"{camera.width_px}×{camera.height_px}; calibrate at the video's resolution"
+            )
+        yield _frames(stream)
+    finally:
+        stream.release()
+
+
+def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
+    """A stream's frames until one cannot be read; the first is at time zero."""
+    rate = stream.get(cv2.CAP_PROP_FPS)
+    rate_hz = rate if rate > 0 else DEFAULT_RATE_HZ
+    for number in count():
+        readable, image = stream.read()
+        if not readable:
+            return
+        yield Frame(np.asarray(image, dtype=np.uint8), number / rate_hz, truth=None)
