@@ -6,53 +6,59 @@ import argparse
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from importlib import import_module
 from types import UnionType
-from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
+from typing import (
+    Any,
+    ClassVar,
+    Literal,
+    dataclass_transform,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 
-def argument(text: str, default: Any = MISSING) -> Any:
-    """A positional argument; a tuple takes one or more.
+def argument(text: str, *, default: Any = MISSING) -> Any:
+    """A positional argument with its help, required without a default; a tuple takes several."""
+    return field(default=default, metadata={"help": text})
+
+
+def option(
+    text: str, *, default: Any = MISSING, name: str | None = None, metavar: str | None = None
+) -> Any:
+    """A named option, required without a default; a tuple may be given several times.
 
     Args:
         text: its help.
-        default: without it the argument is required.
-    """
-    return field(default=default, metadata={"help": text, "positional": True})
-
-
-def option(default: Any, text: str, *, name: str | None = None, metavar: str | None = None) -> Any:
-    """A named option; a bool is a switch, a tuple may be given several times.
-
-    Args:
-        default: if the option is not given; MISSING makes it required.
-        text: its help.
+        default: if the option is not given.
         name: as typed; None: the field's name as --field-name.
         metavar: stands for the value in the help.
     """
-    metadata = {"help": text, "positional": False, "name": name, "metavar": metavar}
-    return field(default=default, metadata=metadata)
+    return field(default=default, metadata={"help": text, "name": name, "metavar": metavar})
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(argument, option))
 @dataclass(frozen=True, kw_only=True)
 class Subcommand(ABC):
-    """Base of every subcommand: its fields are what the user may give, `call` is what it does.
+    """Base of every subcommand: fields are what the user may give, calling it does the work.
 
-    The docstring's first line is its help. Field types decide how words are read: str, int, Path,
-    bool, Literal[...], X | None, tuple[X, ...].
+    Subclasses become frozen dataclasses. The first line of the docstring is the help. Types say
+    how words are read: str, int, Path, bool (a switch), Literal[...], X | None, tuple[X, ...].
     """
 
     registry: ClassVar[dict[str, type[Subcommand]]] = {}  # name → class
 
-    debug: bool = option(False, "show tracebacks")
+    debug: bool = option("show tracebacks", default=False)
 
     def __init_subclass__(cls, name: str | None = None) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
         if name is not None:
             Subcommand.registry[name] = cls
 
     @abstractmethod
-    def call(self) -> int:
+    def __call__(self) -> int:
         """Do it and return the exit code."""
 
 
@@ -78,19 +84,24 @@ def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
     # the class's own options first, then those it shares with others
     order = [n for base in kind.__mro__ for n in vars(base).get("__annotations__", ())]
     for entry in (by_name[n] for n in order if n in by_name):
-        settings = _read(hints[entry.name]) | {"help": entry.metadata["help"]}
-        if not entry.metadata["positional"]:
-            typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
-            if entry.metadata["metavar"]:
-                settings["metavar"] = entry.metadata["metavar"]
-            required = entry.default is MISSING
-            parser.add_argument(typed, dest=entry.name, required=required, **settings)
-        else:
-            if settings.pop("action", None) == "append":
-                settings |= {"nargs": "+", "metavar": entry.name.removesuffix("s")}
-            elif entry.default is not MISSING:
-                settings |= {"nargs": "?", "default": entry.default}
-            parser.add_argument(entry.name, **settings)
+        _add(parser, entry, hints[entry.name])
+
+
+def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
+    """One argument or option of a parser."""
+    settings, required = _read(hint), entry.default is MISSING
+    if "name" in entry.metadata:
+        typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
+        settings |= {"dest": entry.name, "required": required}
+        if entry.metadata["metavar"]:
+            settings["metavar"] = entry.metadata["metavar"]
+    else:
+        typed = entry.name
+        if settings.pop("action", None) == "append":
+            settings |= {"nargs": "+", "metavar": typed.removesuffix("s")}
+        elif not required:
+            settings |= {"nargs": "?", "default": entry.default}
+    parser.add_argument(typed, help=entry.metadata["help"], **settings)
 
 
 def _read(hint: Any) -> dict[str, Any]:

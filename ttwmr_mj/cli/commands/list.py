@@ -1,18 +1,12 @@
 """`ttwmr list`: what is shipped."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 from ttwmr_mj.cli.engine import Subcommand
 
 
-@dataclass(frozen=True, kw_only=True)
 class List(Subcommand, name="list"):
     """List the shipped scenarios."""
 
-    def call(self) -> int:
-        """One line each, with its description."""
+    def __call__(self) -> int:
         import tomllib
 
         from ttwmr_mj.assets import shipped_scenarios
