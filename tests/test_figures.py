@@ -10,6 +10,7 @@ from types import SimpleNamespace
 import cv2
 import numpy as np
 import pytest
+from drawn import drawn, labels
 
 from ttwmr_mj.figures.run import write_run_figures
 from ttwmr_mj.references.circle import Circle
@@ -108,11 +109,6 @@ def test_a_failed_figure_leaves_no_file(
     assert not list(tmp_path.iterdir())
 
 
-def labels(figure: Path) -> list[str]:
-    root = ET.parse(figure).getroot()
-    return ["".join(e.itertext()) for e in root.iter() if e.tag.endswith("text")]
-
-
 @pytest.mark.parametrize(
     ("name", "expected"),
     [
@@ -128,32 +124,6 @@ def labels(figure: Path) -> list[str]:
 )
 def test_axes_and_curves_are_named(folder: Path, name: str, expected: list[str]) -> None:
     assert set(expected) <= set(labels(folder / f"{name}.svg"))
-
-
-def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, tuple[list, list]]]:
-    """Figure → label of a curve → what is drawn (x, y), filled as figures are written."""
-    from matplotlib.axes import Axes
-
-    from ttwmr_mj.figures import canvas
-
-    curves: dict[str, dict[str, tuple[list, list]]] = {}
-    save = canvas.save
-
-    def spy(figure: object, path: Path) -> Path:
-        axes: list[Axes] = figure.axes  # type: ignore[attr-defined]
-        curves[path.stem] = {
-            label if not label.startswith("_") else f"{row.get_ylabel()}{label}": (
-                line.get_xdata().tolist(),
-                line.get_ydata().tolist(),
-            )
-            for row in axes
-            for line in row.lines
-            for label in [str(line.get_label())]
-        }
-        return save(figure, path)  # type: ignore[arg-type]
-
-    monkeypatch.setattr(canvas, "save", spy)
-    return curves
 
 
 def test_curves_are_the_run(
@@ -174,11 +144,11 @@ def test_curves_are_the_run(
     assert wheels["right, commanded"] == (time_s, run.wheel_command_rad_s[:, 0, 0].tolist())
     assert wheels["left, real"] == (time_s, run.wheel_speed_rad_s[:, 0, 1].tolist())
     miss = np.hypot(*(q - ref_q)[:, :2].T)
-    np.testing.assert_allclose(curves["errors"]["P error\n[mm]_child0"][1], 1e3 * miss)
+    np.testing.assert_allclose(curves["errors"]["P error\n[mm] _child0"][1], 1e3 * miss)
     # 0.1 rad to the right at first, at 57.3° per rad
-    turned = curves["errors"]["θ1 error\n[°]_child0"][1]
+    turned = curves["errors"]["θ1 error\n[°] _child0"][1]
     assert turned[0] == pytest.approx(-0.1 * 180 / np.pi)
-    hitch = curves["hitch_angle"]["hitch angle θ2 − θ1 [°]_child0"][1]
+    hitch = curves["hitch_angle"]["hitch angle θ2 − θ1 [°] _child0"][1]
     np.testing.assert_allclose(hitch, np.degrees(q[:, 3] - q[:, 2]))
 
 
@@ -197,8 +167,8 @@ def test_signals_of_the_law_get_a_figure(
     write_run_figures(logged, ROBOT, tmp_path, "circle")
     assert {path.name for path in tmp_path.glob("signals.*")} == {"signals.png", "signals.svg"}
     assert {"lyapunov_v", "gain", "time [s]"} <= set(labels(tmp_path / "signals.svg"))
-    assert curves["signals"]["lyapunov_v_child0"] == (run.time_s.tolist(), v[:, 0].tolist())
-    assert curves["signals"]["gain_child0"][1] == (2.0 * v[:, 0]).tolist()
+    assert curves["signals"]["lyapunov_v _child0"] == (run.time_s.tolist(), v[:, 0].tolist())
+    assert curves["signals"]["gain _child0"][1] == (2.0 * v[:, 0]).tolist()
 
 
 def test_a_law_that_logs_nothing_gets_no_figure(run: Trajectory, tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from recordings import (
     views,
 )
 
-from ttwmr_mj.recording import RunRecorder
+from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.results.trajectory import Trajectory
 
 MOTION = {
