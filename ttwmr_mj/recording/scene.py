@@ -191,7 +191,7 @@ def _log_reference(
 ) -> None:
     """The whole reference, P as a line and the trailer's COM as a thinner one; P's marker."""
     q = reference.q[:, 0]
-    trailer = _pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
+    trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
     for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
         if pieces:
             line = rr.LineStrips3D(
@@ -209,7 +209,7 @@ def _log_reference(
     stream.log(f"{root}/reference/marker/ball", ball, static=True)
 
 
-def _pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
+def reference_pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
     """The points (n, 2) cut where θ2 is undefined or jumps, in pieces of two and more."""
     with np.errstate(invalid="ignore"):
         broken = ~(np.abs(np.diff(theta2_rad)) < 0.5 * np.pi)

@@ -11,6 +11,8 @@ class List(Subcommand, name="list"):
 
         from ttwmr_mj.assets import shipped_scenarios
 
-        for name, path in shipped_scenarios().items():
-            print(f"{name:20s} {tomllib.loads(path.read_text()).get('description', '')}")
+        shipped = shipped_scenarios()
+        width = max(map(len, shipped))
+        for name, path in shipped.items():
+            print(f"{name:{width}s}  {tomllib.loads(path.read_text()).get('description', '')}")
         return 0
