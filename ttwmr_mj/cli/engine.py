@@ -9,37 +9,29 @@ from collections.abc import Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from importlib import import_module
 from types import UnionType
-from typing import (
-    Any,
-    ClassVar,
-    Literal,
-    dataclass_transform,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 
-def argument(text: str, *, default: Any = MISSING) -> Any:
-    """A positional argument with its help, required without a default; a tuple takes several."""
+def argument(text: str, default: Any = MISSING) -> Any:
+    """A positional argument with its help; a tuple takes one or more."""
     return field(default=default, metadata={"help": text})
 
 
 def option(
-    text: str, *, default: Any = MISSING, name: str | None = None, metavar: str | None = None
+    text: str, default: Any = MISSING, *, name: str | None = None, metavar: str | None = None
 ) -> Any:
-    """A named option, required without a default; a tuple may be given several times.
+    """A named option; a tuple may be given several times.
 
     Args:
         text: its help.
-        default: if the option is not given.
+        default: if it is not given; without one False, None or (), as the type says, else the
+            option is required. So it is for arguments, but for tuples.
         name: as typed; None: the field's name as --field-name.
         metavar: stands for the value in the help.
     """
     return field(default=default, metadata={"help": text, "name": name, "metavar": metavar})
 
 
-@dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(argument, option))
 @dataclass(frozen=True, kw_only=True)
 class Subcommand(ABC):
     """Base of every subcommand: fields are what the user may give, calling it does the work.
@@ -50,9 +42,13 @@ class Subcommand(ABC):
 
     registry: ClassVar[dict[str, type[Subcommand]]] = {}  # name → class
 
-    debug: bool = option("show tracebacks", default=False)
+    debug: bool = option("show tracebacks", False)
 
     def __init_subclass__(cls, name: str | None = None) -> None:
+        hints = get_type_hints(cls)
+        for key, entry in vars(cls).items():
+            if isinstance(entry, Field) and entry.default is MISSING:
+                entry.default = _absent(hints[key], entry)
         dataclass(frozen=True, kw_only=True)(cls)
         if name is not None:
             Subcommand.registry[name] = cls
@@ -60,6 +56,15 @@ class Subcommand(ABC):
     @abstractmethod
     def __call__(self) -> int:
         """Do it and return the exit code."""
+
+
+def _absent(hint: Any, entry: Field[Any]) -> Any:
+    """The value of what is not given; MISSING if it must be."""
+    if hint is bool:
+        return False
+    if isinstance(hint, UnionType):
+        return None
+    return () if get_origin(hint) is tuple and "name" in entry.metadata else MISSING
 
 
 def load_subcommands(package: str) -> dict[str, type[Subcommand]]:
@@ -90,6 +95,7 @@ def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
 def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
     """One argument or option of a parser."""
     settings, required = _read(hint), entry.default is MISSING
+    known = "" if required or not entry.default else f"; default: {entry.default}"
     if "name" in entry.metadata:
         typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
         settings |= {"dest": entry.name, "required": required}
@@ -101,7 +107,7 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
             settings |= {"nargs": "+", "metavar": typed.removesuffix("s")}
         elif not required:
             settings |= {"nargs": "?", "default": entry.default}
-    parser.add_argument(typed, help=entry.metadata["help"], **settings)
+    parser.add_argument(typed, help=entry.metadata["help"] + known, **settings)
 
 
 def _read(hint: Any) -> dict[str, Any]:

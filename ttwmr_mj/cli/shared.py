@@ -17,16 +17,16 @@ SCENARIO = "a TOML file, or the name of a shipped scenario"
 class Quiet(Subcommand):
     """Subcommands that show progress and print results."""
 
-    quiet: bool = option("print nothing but errors", default=False)
+    quiet: bool = option("print nothing but errors")
 
 
 class NewFolder(Quiet):
     """Subcommands that fill a folder of results, a new one by default."""
 
     out: Path | None = option(
-        "folder for the results; default: a new one under results/", default=None, metavar="DIR"
+        "folder for the results; default: a new one under results/", metavar="DIR"
     )
-    force: bool = option("write into a folder that is not empty", default=False)
+    force: bool = option("write into a folder that is not empty")
 
     def open_folder(self, name: str, suffix: str | int) -> Path:
         """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>."""
@@ -41,17 +41,12 @@ class Overrides(Subcommand):
     """Subcommands that read scenarios, in which single values can be replaced."""
 
     overrides: tuple[str, ...] = option(
-        "override one value of the scenario; repeatable",
-        default=(),
-        name="--set",
-        metavar="KEY.PATH=VALUE",
+        "override one value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
     )
     fragment: Path | None = option(
-        "TOML merged into the scenario, such as what compare --fit writes",
-        default=None,
-        metavar="FILE",
+        "TOML merged into the scenario, such as what compare --fit writes", metavar="FILE"
     )
-    seed: int | None = option("replace the scenario's seed", default=None)
+    seed: int | None = option("replace the scenario's seed")
 
     def load(self, scenario: str, *more: str) -> Scenario:
         """The scenario with the user's overrides, and more after them."""

@@ -9,16 +9,12 @@ from ttwmr_mj.cli.shared import Quiet
 class Bench(Quiet, name="bench"):
     """Run a suite of controllers on tasks and rank them."""
 
-    suite: str = argument(
-        "a TOML file, or the name of a shipped suite; default: quick", default="quick"
-    )
+    suite: str = argument("a TOML file, or the name of a shipped suite", "quick")
     out: Path | None = option(
-        "folder for the results; finished runs in it are reused", default=None, metavar="DIR"
+        "folder for the results; finished runs in it are reused", metavar="DIR"
     )
-    rescore: bool = option("run nothing, rank what --out holds", default=False)
-    workers: int | None = option(
-        "processes at a time; default: one per processor", default=None, metavar="N"
-    )
+    rescore: bool = option("run nothing, rank what --out holds")
+    workers: int | None = option("processes at a time; default: one per processor", metavar="N")
 
     def __call__(self) -> int:
         from ttwmr_mj.run.folder import open_folder, results_folder

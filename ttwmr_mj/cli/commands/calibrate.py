@@ -9,23 +9,12 @@ from ttwmr_mj.cli.shared import Overrides
 class Calibrate(Overrides, name="calibrate"):
     """Calibrate a camera with a ChArUco board."""
 
-    scenario: str = argument(
-        "scenario whose simulated camera sees the board; default: lab_circle_camera",
-        default="lab_circle_camera",
-    )
+    scenario: str = argument("scenario whose simulated camera sees the board", "lab_circle_camera")
     images: Path | None = option(
-        "a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat",
-        default=None,
-        metavar="DIR",
+        "a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat", metavar="DIR"
     )
-    board: Path | None = option(
-        "write the board to print, and nothing else", default=None, metavar="PNG"
-    )
-    out: Path = option(
-        "the calibration; default: calibration.yaml",
-        default=Path("calibration.yaml"),
-        metavar="YAML",
-    )
+    board: Path | None = option("write the board to print, and nothing else", metavar="PNG")
+    out: Path = option("the calibration", Path("calibration.yaml"), metavar="YAML")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (

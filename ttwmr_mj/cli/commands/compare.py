@@ -13,23 +13,20 @@ class Compare(Overrides, NewFolder, name="compare"):
 
     scenario: str = argument(SCENARIO)
     mode: Literal["open_loop", "closed_loop"] = option(
-        "one command history for both plants, or each under its own controller", default="open_loop"
+        "one command history for both plants, or each under its own controller", "open_loop"
     )
     real_wheels: bool = option(
         "open loop: drive the analytic model with the wheels' true speeds, so that only slip is "
-        "left",
-        default=False,
+        "left"
     )
-    no_attribution: bool = option("report deviations without explaining them; fast", default=False)
-    converge: bool = option("refine the contact physics and report the convergence", default=False)
-    fit: bool = option("fit an extended analytic model", default=False)
+    no_attribution: bool = option("report deviations without explaining them; fast")
+    converge: bool = option("refine the contact physics and report the convergence")
+    fit: bool = option("fit an extended analytic model")
     validate_on: str | None = option(
-        "scenario to validate the fit on; default: a shipped one", default=None, metavar="SCENARIO"
+        "scenario to validate the fit on; default: a shipped one", metavar="SCENARIO"
     )
     tolerance: Path | None = option(
-        "TOML of largest allowed values; exit code 1 if one is exceeded",
-        default=None,
-        metavar="FILE",
+        "TOML of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
     )
 
     def __call__(self) -> int:

@@ -11,11 +11,11 @@ class Reproduce(Quiet, name="reproduce"):
     """Re-run the article: every figure, every claim."""
 
     out: Path = option(
-        "folder for the report; finished runs in it are reused; default: results/reproduce",
-        default=Path("results/reproduce"),
+        "folder for the report; finished runs in it are reused",
+        Path("results/reproduce"),
         metavar="DIR",
     )
-    only: tuple[str, ...] = option("one figure; repeatable", default=(), metavar="FIG")
+    only: tuple[str, ...] = option("one figure; repeatable", metavar="FIG")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table

@@ -14,9 +14,7 @@ class Run(Overrides, NewFolder, name="run"):
     """Run a scenario and leave a run folder."""
 
     scenario: str = argument(SCENARIO)
-    save_frames: bool = option(
-        "keep the camera's frames, with COCO keypoint annotations", default=False
-    )
+    save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
 
     def __call__(self) -> int:
         from ttwmr_mj.run.execute import run_scenario

@@ -13,10 +13,8 @@ class Track(NewFolder, name="track"):
     calibration: Path = option(
         "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
     )
-    scenario: str = option(
-        "scenario whose robot is seen; default: lab_circle", default="lab_circle"
-    )
-    frames: int | None = option("stop after N frames", default=None, metavar="N")
+    scenario: str = option("scenario whose robot is seen", "lab_circle")
+    frames: int | None = option("stop after N frames", metavar="N")
 
     def __call__(self) -> int:
         from ttwmr_mj.run.progress import progress_bar

@@ -9,7 +9,7 @@ class View(Subcommand, name="view"):
     """Open a recording in the Rerun viewer."""
 
     recording: Path | None = argument(
-        "a run folder or an .rrd file; default: the newest under results/", default=None
+        "a run folder or an .rrd file; default: the newest under results/"
     )
 
     def __call__(self) -> int:
