@@ -74,11 +74,38 @@ def test_plots_hold_the_rows(recording: Recording) -> None:
     np.testing.assert_array_equal(scalars("hitch_angle/true"), np.degrees(curves.hitch_angle_rad))
 
 
-def test_series_are_named_and_coloured(recording: Recording) -> None:
-    for entity, components in recording.entities.items():
-        if entity.startswith("/plots/"):
-            assert components["SeriesLines:names"], entity
-            assert components["SeriesLines:colors"], entity
+def test_series_are_named_and_coloured(tmp_path: Path) -> None:
+    run = contact_run()
+    rows = replace(run, est_q=run.est_q + 0.01)
+    recording = Recording(record(tmp_path / "run.rrd", circle_reference(), rows))
+    named = {
+        entity.removeprefix("/plots/"): components["SeriesLines:names"][0][1]
+        for entity, components in recording.entities.items()
+        if entity.startswith("/plots/")
+    }
+    against = {"true": ["true"], "seen": ["estimated"], "reference": ["reference"]}
+    angles, error = {"theta1": ["θ1"], "theta2": ["θ2"]}, {"true": ["true"]}
+    known, wheels = {"seen": ["estimated"]}, {"true": ["right", "left"]}
+    plots = {
+        **dict.fromkeys(("x", "y", "theta1", "theta2"), against),
+        **dict.fromkeys(("tractor_error", "trailer_error", "hitch_angle"), error),
+        **dict.fromkeys(("angle_error", "estimate_angle_error"), angles),
+        **dict.fromkeys(("estimate_error", "measurement_age"), known),
+        "wheel_speed": wheels | {"command": ["right command", "left command"]},
+    }
+    expected = {
+        (plot, line): names for plot, lines in plots.items() for line, names in lines.items()
+    }
+    assert named == {f"{plot}/{line}": names for (plot, line), names in expected.items()}
+    linear = recording.entities["/plots/x/true"]["SeriesLines:interpolation_mode"]
+    for entity, names in named.items():
+        looks = recording.entities[f"/plots/{entity}"]
+        assert len(looks["SeriesLines:colors"][0][1]) == len(names)
+        # what was asked for is a wide band under the line of what happened
+        wide = entity.endswith(("/reference", "/command"))
+        assert looks["SeriesLines:widths"] == [(None, [5.0 if wide else 2.0] * len(names))]
+        stepped = entity == "wheel_speed/command"
+        assert (looks["SeriesLines:interpolation_mode"] != linear) == stepped
 
 
 def test_an_estimate_equal_to_the_truth_is_not_drawn(recording: Recording) -> None:

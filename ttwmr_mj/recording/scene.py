@@ -59,7 +59,7 @@ class Scene:
     ) -> None:
         self._stream = stream
         self._root = root
-        self._poses = BodyPoses(model, robot)
+        self._poses = BodyPoses(model)
         self._bodies = [_body_path(root, model, i) for i in range(1, model.nbody)]
         self._last_points: dict[str, FloatArray] = {}
         if root == WORLD:
