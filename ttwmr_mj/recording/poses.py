@@ -5,9 +5,8 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.joints import HEIGHT, Joints
+from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
 
@@ -19,10 +18,9 @@ class BodyPoses:
     first row (trapezoids).
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: RobotParameters) -> None:
+    def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._data = mujoco.MjData(model)
-        self._axle_height_m = robot.tractor.wheel_radius_m
         self._joints = Joints(model)
         self._wheel_angle: FloatArray = np.zeros(2)
         self._last: tuple[FloatArray, FloatArray] | None = None
@@ -47,10 +45,8 @@ class BodyPoses:
         return position, quaternion
 
     def _standing(self, rows: Trajectory) -> FloatArray:
-        """(n, nq) generalized positions of a robot that stands level on its wheels."""
-        level = np.array(self._model.qpos0)
-        level[self._joints.free_qpos + HEIGHT] = self._axle_height_m
-        qpos = self._joints.standing(level, rows.q[:, 0])
+        """(n, nq) generalized positions of a robot that stands level on its wheels, as in qpos0."""
+        qpos = self._joints.standing(np.array(self._model.qpos0), rows.q[:, 0])
         qpos[:, self._joints.wheel_qpos] = self._roll(rows.time_s, rows.wheel_speed_rad_s[:, 0])
         return qpos
 

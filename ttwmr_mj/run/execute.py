@@ -20,7 +20,7 @@ from ttwmr_mj.state import RobotState
 
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
-    from ttwmr_mj.recording import RunRecorder
+    from ttwmr_mj.recording.run_recorder import RunRecorder
     from ttwmr_mj.vision.coco import FrameExport
     from ttwmr_mj.vision.sensor import CameraSensor
 
@@ -193,7 +193,7 @@ def _recorded(
     experiment: Experiment, folder: Path, frames: FrameExport | None, progress: Progress | None
 ) -> Result:
     """Run with a recorder open; the recording is readable whatever happens."""
-    from ttwmr_mj.recording import RunRecorder
+    from ttwmr_mj.recording.run_recorder import RunRecorder
 
     scenario = experiment.scenario
     with (

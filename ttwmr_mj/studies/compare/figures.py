@@ -21,7 +21,7 @@ from ttwmr_mj.figures.style import (
     TRAILER,
 )
 from ttwmr_mj.results.curves import trailer_com
-from ttwmr_mj.studies.compare import text
+from ttwmr_mj.studies.compare.text import NAMES, SYMBOLS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,7 +36,6 @@ SIZE_IN = (5.6, 3.4)
 TALL_SIZE_IN = (5.6, 4.6)
 WORTHWHILE = 5.0  # a fit should make deviations smaller by at least this factor (README's table)
 NOTHING = 5e-4  # share of the total that is shown as 0.0 %
-NAMES = text.NAMES | {"higher_interactions": "three and more together", "total": "total"}
 
 
 def write_compare_figures(
@@ -154,8 +153,7 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         labels = ["" if share is None else f"{round(share, 1) + 0.0:.1f} %" for share in shares]
         axes.bar_label(bars, labels, padding=3, fontsize=7.5)
         axes.axvline(0.0, color=INK, linewidth=0.8)
-        name = {"position": "P", "theta2": "θ2"}[quantity]
-        axes.set_title(f"rms deviation of {name} [{unit}]")
+        axes.set_title(f"rms deviation of {SYMBOLS[quantity]} [{unit}]")
         axes.margins(x=0.3)
         axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
