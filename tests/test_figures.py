@@ -5,7 +5,6 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -152,18 +151,12 @@ def test_curves_are_the_run(
     np.testing.assert_allclose(hitch, np.degrees(q[:, 3] - q[:, 2]))
 
 
-def with_signals(run: Trajectory, **signals: np.ndarray) -> SimpleNamespace:
-    """The run of a law that logs."""
-    values = {name: getattr(run, name) for name in run.__slots__}
-    return SimpleNamespace(**values, nsim=run.nsim, signals=signals)
-
-
 def test_signals_of_the_law_get_a_figure(
     run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     v = np.exp(-run.time_s)[:, None]
     curves = drawn(monkeypatch)
-    logged = with_signals(run, lyapunov_v=v, gain=2.0 * v)
+    logged = replace(run, signals={"lyapunov_v": v, "gain": 2.0 * v})
     write_run_figures(logged, ROBOT, tmp_path, "circle")
     assert {path.name for path in tmp_path.glob("signals.*")} == {"signals.png", "signals.svg"}
     assert {"lyapunov_v", "gain", "time [s]"} <= set(labels(tmp_path / "signals.svg"))
@@ -172,7 +165,7 @@ def test_signals_of_the_law_get_a_figure(
 
 
 def test_a_law_that_logs_nothing_gets_no_figure(run: Trajectory, tmp_path: Path) -> None:
-    write_run_figures(with_signals(run), ROBOT, tmp_path, "circle")
+    write_run_figures(replace(run, signals={}), ROBOT, tmp_path, "circle")
     assert not list(tmp_path.glob("signals.*"))
 
 
