@@ -22,8 +22,8 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.run.execute import Run, run_scenario
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.execute import Run, run_scenario
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 

@@ -18,9 +18,9 @@ from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.run import build
-from ttwmr_mj.run.execute import run_scenario
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs import build
+from ttwmr_mj.runs.execute import run_scenario
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.faults import fault_of
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
 from ttwmr_mj.studies.bench.suite import load_suite, rows_of

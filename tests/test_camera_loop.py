@@ -13,8 +13,8 @@ from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.run.execute import run_scenario
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.execute import run_scenario
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS
 

@@ -14,7 +14,7 @@ from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))

@@ -19,7 +19,7 @@ from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.shared.flat_reference import FlatReference
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate

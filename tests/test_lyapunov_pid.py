@@ -23,7 +23,7 @@ from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState

@@ -8,7 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.run import machine
+from ttwmr_mj.runs import machine
 
 
 def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -13,10 +13,10 @@ from ttwmr_mj.controllers.mpc import MpcOptions
 from ttwmr_mj.controllers.tvlqr import TvlqrOptions
 from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.results.metrics import score
-from ttwmr_mj.results.trajectory import read_parquet
-from ttwmr_mj.run.build import initial_state, make_controller, sample_reference
-from ttwmr_mj.run.execute import result_text, run_scenario
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.build import initial_state, make_controller, sample_reference
+from ttwmr_mj.runs.execute import result_text, run_scenario
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
@@ -102,7 +102,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     scenario = with_mpc("outer_circle", "plant.kind=analytic", "duration_s=0.4", *quiet)
     usual = Experiment(scenario).run().trajectory
     clock = iter(0.04 * np.arange(10_000))  # every command takes 40 ms
-    monkeypatch.setattr("ttwmr_mj.run.stopwatch.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("ttwmr_mj.runs.stopwatch.perf_counter", lambda: next(clock))
     metrics = run_scenario(scenario, tmp_path).metrics
     assert metrics["control_overruns"] == len(usual)
     assert metrics["control_slowest_s"] == pytest.approx(0.04)
@@ -110,7 +110,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     text = result_text(scenario, metrics)
     assert f"commands later than a period | {len(usual)} |" in text
     assert "slowest command | 40 ms |" in text
-    assert np.array_equal(read_parquet(tmp_path / "trajectory.parquet").q, usual.q)
+    assert np.array_equal(Trajectory.read(tmp_path / "trajectory.parquet").q, usual.q)
 
 
 def test_it_needs_a_reference() -> None:

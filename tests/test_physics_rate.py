@@ -12,9 +12,9 @@ from test_compare import open_loop
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.trajectory import read_parquet
-from ttwmr_mj.run.execute import _drawable_model, run_scenario
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.execute import _drawable_model, run_scenario
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 
 TURNS = ((0.3, 5.0, -5.0), (0.9, -6.0, 6.0))  # past θ1 = −π, where a quaternion wraps
@@ -40,7 +40,7 @@ def test_physics_parquet_is_the_run_at_every_physics_step(tmp_path: Path) -> Non
     run_scenario(scenario, tmp_path)
     table = pq.read_table(tmp_path / "physics.parquet")
     assert table.column_names == COLUMNS
-    rows, every = read_parquet(tmp_path / "trajectory.parquet"), scenario.steps_per_period
+    rows, every = Trajectory.read(tmp_path / "trajectory.parquet"), scenario.steps_per_period
     step = scenario.plant.contact.timestep_s
     count = every * scenario.periods
     np.testing.assert_allclose(table["time_s"], step * np.arange(1, count + 1), rtol=1e-14)
@@ -63,7 +63,7 @@ def test_an_analytic_run_does_not_read_the_step_of_contact_physics(
     runs = []
     for i, more in enumerate((analytic, [*analytic, *odd])):
         assert main([*common, *more, "--out", str(tmp_path / str(i))]) == 0
-        runs.append(read_parquet(tmp_path / str(i) / "trajectory.parquet").q)
+        runs.append(Trajectory.read(tmp_path / str(i) / "trajectory.parquet").q)
     np.testing.assert_array_equal(*runs)
     assert main([*common, *odd, "--out", str(tmp_path / "contact")]) == 2
     assert "control.sampling_time_s" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.trajectory import read_parquet
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.studies.reproduce import execute, friction, runs
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement
@@ -41,7 +41,7 @@ def test_a_finished_run_is_used_again_and_only_then(
     tasks = execute.missing_tasks(tmp_path, [short_run], [])
     assert execute.execute(tasks) == []
     assert missing() == []
-    assert "lyapunov_v" in read_parquet(folder / "trajectory.parquet").signals
+    assert "lyapunov_v" in Trajectory.read(folder / "trajectory.parquet").signals
 
     with monkeypatch.context() as other:  # another scenario under the same name
         changed = RunSpec("short", "lab_circle", ("plant.kind=analytic", "duration_s=0.6"), False)

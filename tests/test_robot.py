@@ -17,7 +17,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor, Trailer
-from ttwmr_mj.run.build import make_plant
+from ttwmr_mj.runs.build import make_plant
 from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState, hitch_angles, unwrap_near

@@ -11,7 +11,7 @@ from trajectories import different
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.results.metrics import Metrics, score
-from ttwmr_mj.run.experiment import Experiment, Result
+from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 
 PLANTS = ("contact", "analytic")

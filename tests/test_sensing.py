@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.run.build import generators
+from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import TruthSensing
 from ttwmr_mj.sensing import LatencyQueue, TruthSensor
 from ttwmr_mj.state import RobotState

@@ -20,7 +20,7 @@ from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))

@@ -14,7 +14,7 @@ import pytest
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 
 CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"

@@ -12,8 +12,8 @@ from trajectories import different
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_parquet
-from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table, read_parquet
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import RobotState
 
@@ -46,7 +46,7 @@ def test_columns_are_the_documented_ones_in_float64(run: Trajectory) -> None:
 def test_parquet_round_trip_is_exact(run: Trajectory, tmp_path: Path) -> None:
     path = tmp_path / "trajectory.parquet"
     write_parquet(run.to_table(), path)
-    again = read_parquet(path)
+    again = Trajectory.read(path)
     assert different(again, run) == []
     assert list(tmp_path.iterdir()) == [path]
 
@@ -68,12 +68,12 @@ def test_every_trailer_has_its_columns(trailers: int, tmp_path: Path) -> None:
     assert table[f"theta{width - 2}_rad"].to_pylist() == rows.q[:, 0, -1].tolist()
     assert table["est_theta3_rate_rad_s"].to_pylist() == rows.est_q_rate[:, 0, 4].tolist()
     write_parquet(table, tmp_path / "rows.parquet")
-    again = read_parquet(tmp_path / "rows.parquet")
+    again = Trajectory.read(tmp_path / "rows.parquet")
     assert different(again, rows) == []
     lacking = table.drop_columns(["theta2_rad"])
     pq.write_table(lacking, tmp_path / "lacking.parquet")
     with pytest.raises(InputError, match="it lacks theta2_rad"):
-        read_parquet(tmp_path / "lacking.parquet")
+        Trajectory.read(tmp_path / "lacking.parquet")
 
 
 def test_the_physics_rate_table_names_what_it_holds() -> None:
@@ -94,16 +94,16 @@ def test_damaged_and_foreign_files_are_refused(run: Trajectory, tmp_path: Path) 
     write_parquet(run.to_table(), torn)
     torn.write_bytes(torn.read_bytes()[:-100])
     with pytest.raises(InputError, match="cannot be read as a trajectory"):
-        read_parquet(torn)
+        Trajectory.read(torn)
     with pytest.raises(InputError, match="cannot be read"):
-        read_parquet(tmp_path / "missing.parquet")
+        Trajectory.read(tmp_path / "missing.parquet")
     foreign = tmp_path / "foreign.parquet"
     pq.write_table(run.to_table().drop_columns(["y_m"]), foreign)
     with pytest.raises(InputError, match="it lacks y_m"):
-        read_parquet(foreign)
+        Trajectory.read(foreign)
     pq.write_table(run.to_table().drop_columns(["theta2_rad"]), foreign)
     with pytest.raises(InputError, match="it lacks theta2_rad"):
-        read_parquet(foreign)
+        Trajectory.read(foreign)
 
 
 def test_slices_are_views(run: Trajectory) -> None:

@@ -15,7 +15,7 @@ from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters, Servo
-from ttwmr_mj.run.experiment import Experiment, Result
+from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 

@@ -30,7 +30,7 @@ class NewFolder(Quiet):
 
     def open_folder(self, name: str, suffix: str | int) -> Path:
         """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>."""
-        from ttwmr_mj.run.folder import open_folder, results_folder
+        from ttwmr_mj.runs.folder import open_folder, results_folder
 
         folder = self.out or results_folder(name, suffix)
         open_folder(folder, self.force)

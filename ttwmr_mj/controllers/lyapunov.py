@@ -90,8 +90,10 @@ def lyapunov_function(
     """
     on_error = np.array([options.alpha1, options.alpha3])
     on_rate = np.array([options.alpha2, options.alpha4])
-    v = 0.5 * (e**2 @ on_error + e_rate**2 @ on_rate)
-    return v, -(e**2 @ on_error) - e_rate**2 @ on_rate**2
+    # sums, not products of matrices, whose rounding depends on the size of the batch
+    v = 0.5 * (on_error * e**2 + on_rate * e_rate**2).sum(axis=-1)
+    claimed = -(on_error * e**2 + (on_rate * e_rate) ** 2).sum(axis=-1)
+    return v, claimed
 
 
 class LyapunovSignals:

@@ -110,6 +110,52 @@ class Trajectory:
             contact_readings=np.zeros((n, nsim, ncontact, 15)),
         )
 
+    @classmethod
+    def read(cls, path: Path) -> Trajectory:
+        """Read a trajectory.parquet, as a batch of one.
+
+        Raises:
+            InputError: the file is missing, is no Parquet file, or lacks a column.
+        """
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        try:
+            table = pq.read_table(path)
+        except (OSError, pa.ArrowInvalid) as error:
+            raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
+        angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
+        width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
+
+        def columns(names: tuple[str, ...], prefix: str = "") -> FloatArray:
+            wanted = [prefix + name for name in names]
+            missing = [name for name in wanted if name not in table.column_names]
+            if missing:
+                raise InputError(
+                    f"no trajectory.parquet: it lacks {', '.join(missing)}", file=str(path)
+                )
+            return np.stack([table[name].to_numpy() for name in wanted], axis=-1)[:, None]
+
+        time_s = columns(("time_s",))[:, 0, 0]
+        rows = replace(
+            cls.empty(time_s, nsim=1, trailers=width - 3),
+            q=columns(q_names(width)),
+            q_rate=columns(rate_names(width)),
+            ref_q=columns(q_names(width), "ref_"),
+            ref_q_rate=columns(rate_names(width), "ref_"),
+            est_q=columns(q_names(width), "est_"),
+            est_q_rate=columns(rate_names(width), "est_"),
+            wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
+            wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
+            est_valid=columns(("est_valid",))[..., 0] > 0,
+            measurement_age_s=columns(("measurement_age_s",))[..., 0],
+            labels_found=columns(("labels_found",))[..., 0],
+            saturated=columns(("saturated",))[..., 0] > 0,
+            near_singular=columns(("near_singular",))[..., 0] > 0,
+        )
+        signals = [name for name in table.column_names if name not in rows.column_names]
+        return replace(rows, signals={name: columns((name,))[..., 0] for name in signals})
+
     def rows(self, start: int, stop: int) -> Trajectory:
         """Views of rows start to stop."""
         cut: dict[str, Any] = {name: a[start:stop] for name, a in self._arrays().items()}
@@ -199,49 +245,3 @@ def physics_rate_table(
     columns = {"time_s": time_s} | _state_columns(state.q, state.q_rate)
     columns |= {n + "_rad_s": wheel_speed_rad_s[:, i] for i, n in enumerate(WHEEL_NAMES)}
     return _table(columns)
-
-
-def read_parquet(path: Path) -> Trajectory:
-    """Read a trajectory.parquet, as a batch of one.
-
-    Raises:
-        InputError: the file is missing, is no Parquet file, or lacks a column.
-    """
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    try:
-        table = pq.read_table(path)
-    except (OSError, pa.ArrowInvalid) as error:
-        raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
-    angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
-    width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
-
-    def columns(names: tuple[str, ...], prefix: str = "") -> FloatArray:
-        wanted = [prefix + name for name in names]
-        missing = [name for name in wanted if name not in table.column_names]
-        if missing:
-            raise InputError(
-                f"no trajectory.parquet: it lacks {', '.join(missing)}", file=str(path)
-            )
-        return np.stack([table[name].to_numpy() for name in wanted], axis=-1)[:, None]
-
-    time_s = columns(("time_s",))[:, 0, 0]
-    rows = replace(
-        Trajectory.empty(time_s, nsim=1, trailers=width - 3),
-        q=columns(q_names(width)),
-        q_rate=columns(rate_names(width)),
-        ref_q=columns(q_names(width), "ref_"),
-        ref_q_rate=columns(rate_names(width), "ref_"),
-        est_q=columns(q_names(width), "est_"),
-        est_q_rate=columns(rate_names(width), "est_"),
-        wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
-        wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
-        est_valid=columns(("est_valid",))[..., 0] > 0,
-        measurement_age_s=columns(("measurement_age_s",))[..., 0],
-        labels_found=columns(("labels_found",))[..., 0],
-        saturated=columns(("saturated",))[..., 0] > 0,
-        near_singular=columns(("near_singular",))[..., 0] > 0,
-    )
-    signals = [name for name in table.column_names if name not in rows.column_names]
-    return replace(rows, signals={name: columns((name,))[..., 0] for name in signals})

@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.run.build import generators
+from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.vision.calibration.board import board_print
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_images, calibrate_virtual

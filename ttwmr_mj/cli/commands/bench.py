@@ -17,8 +17,8 @@ class Bench(Quiet, name="bench"):
     workers: int | None = option("processes at a time; default: one per processor", metavar="N")
 
     def __call__(self) -> int:
-        from ttwmr_mj.run.folder import open_folder, results_folder
-        from ttwmr_mj.run.progress import progress_bar
+        from ttwmr_mj.runs.folder import open_folder, results_folder
+        from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.studies.bench.execute import run_suite
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.scoring import collect

@@ -7,7 +7,7 @@ from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
 from ttwmr_mj.errors import RunError
 
 if TYPE_CHECKING:
-    from ttwmr_mj.run import execute
+    from ttwmr_mj.runs import execute
 
 
 class Run(Overrides, NewFolder, name="run"):
@@ -17,8 +17,8 @@ class Run(Overrides, NewFolder, name="run"):
     save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
 
     def __call__(self) -> int:
-        from ttwmr_mj.run.execute import run_scenario
-        from ttwmr_mj.run.progress import progress_bar
+        from ttwmr_mj.runs.execute import run_scenario
+        from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.scenario.file import find_scenario
 
         wishes = ["output.save_frames=true"] if self.save_frames else []
@@ -45,7 +45,7 @@ class Run(Overrides, NewFolder, name="run"):
 
 
 def _print_run(run: "execute.Run") -> None:
-    from ttwmr_mj.run.execute import RESULT_ROWS, in_unit
+    from ttwmr_mj.runs.execute import RESULT_ROWS, in_unit
 
     for key, label, scale, unit in RESULT_ROWS:
         print(f"{label:38s} {in_unit(run.metrics[key], scale, unit)}")

@@ -17,7 +17,7 @@ class Track(NewFolder, name="track"):
     frames: int | None = option("stop after N frames", metavar="N")
 
     def __call__(self) -> int:
-        from ttwmr_mj.run.progress import progress_bar
+        from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.scenario.file import load_scenario
         from ttwmr_mj.studies.track.track import track
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.run import build
-from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.runs import build
+from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.schema import OnReference, Scenario
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 

@@ -15,7 +15,7 @@ import numpy as np
 from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import Metrics, score
-from ttwmr_mj.results.trajectory import Trajectory, read_parquet
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
@@ -139,7 +139,7 @@ def lost_reason(numbers: Metrics) -> str:
 def _numbers(folder: Path) -> Metrics:
     """The metrics of a run, scored afresh; the control time is as it was measured."""
     robot = load_scenario(str(folder / "scenario.resolved.toml")).robot
-    trajectory = read_parquet(folder / "trajectory.parquet")
+    trajectory = Trajectory.read(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
     return {
         **score(trajectory, robot)[0],

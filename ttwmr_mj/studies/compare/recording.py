@@ -17,7 +17,7 @@ from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, driven_paths, floor_corners
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column
 from ttwmr_mj.results.curves import Curves
-from ttwmr_mj.run.build import sample_reference
+from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.pair import Pair
 

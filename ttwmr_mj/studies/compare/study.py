@@ -10,7 +10,7 @@ from typing import Any
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
-from ttwmr_mj.run.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.attribution import Attribution, attribute

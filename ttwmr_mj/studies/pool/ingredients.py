@@ -18,7 +18,7 @@ from typing import Any, get_args
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.references.planned import Planned
-from ttwmr_mj.run.folder import library_version
+from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.code import (
     NAME,
@@ -32,7 +32,7 @@ from ttwmr_mj.studies.pool.code import (
 
 Ingredients = dict[str, Any]  # "scenario", "data", "code", "libraries"
 LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless")
-ENTRY = f"{NAME}.run.execute"
+ENTRY = f"{NAME}.runs.execute"
 # room → section of the scenario whose `kind` names the module in it that is used
 ROOMS = {"controllers": "controller", "references": "reference", "plants": "plant"}
 

@@ -15,7 +15,7 @@ from ttwmr_mj.studies.pool.jobs import Job
 
 MADE_OF_FILE = "made_of.json"
 # what every run imports; Rerun is left out, which starts threads as it is imported
-PRELOAD = ("ttwmr_mj.run.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet")
+PRELOAD = ("ttwmr_mj.runs.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet")
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +59,7 @@ def run_task(
     scenario_folder: Path | None = None,
     timeout_s: float = math.inf,
 ) -> Task:
-    """One run into a folder of its own; arguments as of `run.execute.run_scenario`."""
+    """One run into a folder of its own; arguments as of `runs.execute.run_scenario`."""
     arguments = (
         scenario,
         folder.resolve(),
@@ -77,7 +77,7 @@ def make_run(
     scenario: Scenario, folder: Path, command_line: list[str], scenario_folder: Path | None
 ) -> None:
     """Run a scenario into a folder that is emptied first."""
-    from ttwmr_mj.run.execute import run_scenario
+    from ttwmr_mj.runs.execute import run_scenario
 
     shutil.rmtree(folder, ignore_errors=True)  # half a run, or one of something else
     folder.mkdir(parents=True)

@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
-from ttwmr_mj.results.trajectory import Trajectory, read_parquet
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
@@ -50,7 +50,7 @@ class Evidence:
         self.scenario = cache(self._scenario)
 
     def _trajectory(self, run: str) -> Trajectory:
-        return read_parquet(run_folder(self.out, run) / "trajectory.parquet")
+        return Trajectory.read(run_folder(self.out, run) / "trajectory.parquet")
 
     def _metrics(self, run: str) -> dict[str, Any]:
         text = (run_folder(self.out, run) / "metrics.json").read_text(encoding="utf-8")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json, write_text
-from ttwmr_mj.run.folder import LIBRARIES, git_commit, library_version
+from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.reproduce import friction
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement, mm

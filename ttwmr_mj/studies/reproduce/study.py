@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, MachineError
-from ttwmr_mj.run.progress import progress_bar
+from ttwmr_mj.runs.progress import progress_bar
 from ttwmr_mj.scenario.faults import suggestion
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement

@@ -9,7 +9,7 @@ import re
 from importlib.metadata import requires, version
 from pathlib import Path
 
-from ttwmr_mj.run.folder import library_version
+from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.vision.camera.gl import BACKENDS, DEBIAN_PACKAGES, probe
 
 VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))

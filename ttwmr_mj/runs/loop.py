@@ -15,8 +15,8 @@ from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.run.deadline import Deadline, Overrun
-from ttwmr_mj.run.stopwatch import Stopwatch
+from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Push, Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState

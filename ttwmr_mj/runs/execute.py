@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any, cast
 from ttwmr_mj.files import write_json, write_parquet
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
-from ttwmr_mj.run.background import Background
-from ttwmr_mj.run.experiment import Experiment, Result
-from ttwmr_mj.run.folder import write_manifest, write_resolved
-from ttwmr_mj.run.loop import Outcome
-from ttwmr_mj.run.stopwatch import Stopwatch
+from ttwmr_mj.runs.background import Background
+from ttwmr_mj.runs.experiment import Experiment, Result
+from ttwmr_mj.runs.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
 

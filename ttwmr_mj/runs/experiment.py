@@ -11,8 +11,8 @@ from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.run import build
-from ttwmr_mj.run.loop import Loop, Outcome, Report
+from ttwmr_mj.runs import build
+from ttwmr_mj.runs.loop import Loop, Outcome, Report
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState

@@ -1,0 +1,71 @@
+"""What a script or a notebook calls: simulate, run, compare. The package's root offers them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ttwmr_mj.runs.execute import Run, run_scenario
+from ttwmr_mj.runs.experiment import Experiment, Result
+from ttwmr_mj.runs.folder import open_folder, results_folder
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare.pair import Mode, Pair, run_pair
+
+
+def simulate(scenario: Scenario, nsim: int = 1, *, scenario_folder: Path | None = None) -> Result:
+    """Run a scenario in memory; nothing is written.
+
+    Args:
+        scenario: what to run.
+        nsim: simulations in the batch; they differ by their sensors' noise only.
+        scenario_folder: where a custom controller is looked for first; None: here.
+
+    Raises:
+        InputError: the scenario cannot be built.
+    """
+    return Experiment(scenario, scenario_folder, nsim).run()
+
+
+def run(
+    scenario: Scenario,
+    out: Path | None = None,
+    *,
+    force: bool = False,
+    scenario_folder: Path | None = None,
+) -> Run:
+    """Run a scenario and leave a run folder, as `ttwmr run` does.
+
+    Args:
+        scenario: what to run.
+        out: the run folder; None: a new one under results/.
+        force: write into a folder that is not empty.
+        scenario_folder: where a custom controller is looked for first; None: here.
+
+    Raises:
+        InputError: the scenario cannot be built, or the folder is not empty.
+    """
+    folder = out or results_folder(scenario.name, scenario.seed)
+    open_folder(folder, force)
+    return run_scenario(scenario, folder, scenario_folder=scenario_folder)
+
+
+def compare(
+    scenario: Scenario,
+    mode: Mode = "open_loop",
+    *,
+    real_wheels: bool = False,
+    scenario_folder: Path | None = None,
+) -> Pair:
+    """A scenario on contact physics and on the analytic model, in memory.
+
+    Args:
+        scenario: what to run.
+        mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
+            each under its own controller.
+        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
+        scenario_folder: where a custom controller is looked for first; None: here.
+
+    Raises:
+        InputError: the scenario cannot be built.
+        RunError: a run broke.
+    """
+    return run_pair(scenario, mode, real_wheels=real_wheels, scenario_folder=scenario_folder)
