@@ -50,7 +50,6 @@ def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     assert names == {
         "scenario.resolved.toml",
         "manifest.json",
-        "lyapunov.parquet",
         "trajectory.parquet",
         "metrics.json",
         "run.rrd",

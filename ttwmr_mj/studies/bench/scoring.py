@@ -18,7 +18,7 @@ from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
-from ttwmr_mj.studies.bench.suite import AXES, Row, Suite, rows_of
+from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
 
 # column → (metric, scale, how seeds are combined)
 COLUMNS: dict[str, tuple[str, float, str]] = {
@@ -113,7 +113,7 @@ def _maker(folder: Path) -> str:
     return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
 
 
-def _scored(row: Row, folder: Path) -> dict[str, Any]:
+def _scored(row: SuiteRow, folder: Path) -> dict[str, Any]:
     """row.json with the row's numbers, and with a run that was lost called so."""
     where = row_folder(row, folder)
     found = stored_row(row, folder) or {}

@@ -14,7 +14,8 @@ from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.run.build import initial_state, make_plant, sample_reference
-from ttwmr_mj.run.experiment import Experiment, Outcome
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.run.loop import Outcome
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate

@@ -10,7 +10,6 @@ from typing import Any
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
-from ttwmr_mj.results.trajectory import to_table
 from ttwmr_mj.run.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -165,8 +164,8 @@ def _write(
     folder: Path, pair: Pair, findings: _Findings, report: dict[str, Any], options: Options
 ) -> None:
     write_json(folder / "compare.json", report)
-    write_parquet(to_table(pair.contact.trajectory), folder / "contact.parquet")
-    write_parquet(to_table(pair.analytic), folder / "analytic.parquet")
+    write_parquet(pair.contact.trajectory.to_table(), folder / "contact.parquet")
+    write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
     if findings.fit:
         write_text(folder / "fitted.toml", findings.fit.as_toml())
     if options.figures:
