@@ -11,10 +11,8 @@ from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import FloatArray, RobotState
 
-PERIOD = 0.033
-STEP = 0.011
+PERIOD, STEP = 0.033, 0.011
 FREE = RobotParameters()
-FAST = RobotParameters(servo=Servo(preset="fast"))
 SPRUNG = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.5, damping_n_m_s_rad=0.02))
 FRICTION = 1e-3  # [N·m]
 DRY = RobotParameters(hitch=Hitch(coulomb_friction_n_m=FRICTION))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,7 @@ from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
+from ttwmr_mj.studies.compare.text import markdown, plain
 
 
 def open_loop(
@@ -277,6 +279,22 @@ def test_the_files(tmp_path: Path) -> None:
         "theta2_deviation_max_rad",
     ):
         assert report[key] > 0.0
+
+
+def test_a_report_in_words(tmp_path: Path) -> None:
+    options = Options(converge=True, recording=False, figures=False)
+    report = compare_scenario(open_loop((0.2, 5.0, 4.0)), tmp_path, options).report
+    words = plain(report)
+    deviation = 1e3 * report["position_deviation_max_m"]
+    assert re.search(rf"^P, largest deviation +{deviation:.4g} mm$", words, re.MULTILINE)
+    order = report["convergence"]["order"]["theta2_deviation_max_rad"]
+    assert re.search(rf"^order of convergence of θ2 +{order:.4g}$", words, re.MULTILINE)
+    assert "undefined" not in words
+    row = report["attribution"]["theta2"]["caster_inertia"]
+    size, share = 1e3 * row["contribution_rad"], 100.0 * row["share"]
+    assert re.search(rf"^ +caster inertia .* {size:.4f} mrad +{share:.1f} %$", words, re.MULTILINE)
+    assert "| caster inertia | " in markdown(report)
+    assert f"{size:.4f} mrad | {share:.1f} % |" in markdown(report)
 
 
 def test_the_recording_holds_both_robots(tmp_path: Path) -> None:

@@ -1,7 +1,9 @@
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 from ttwmr_mj.dynamics import flatness, hitch, hybrid, kinematics, kinetics
+from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState
@@ -105,6 +107,24 @@ def test_spring_pulls_the_trailer_towards_the_tractor_and_the_damper_brakes() ->
 def test_friction_slows_the_hitch_and_stops_it_but_never_turns_it_round() -> None:
     rate = np.array([0.5, -0.5, 0.1, -0.1, 0.0])
     np.testing.assert_array_equal(hitch.rub(rate, 0.25), [0.25, -0.25, 0.0, 0.0, 0.0])
+
+
+def test_smoothed_friction_slows_the_sampled_hitch_as_it_says() -> None:
+    """At rest, with friction of a share s/√(s² + ε²) of its size: ṡ = −f·s/√(s² + ε²)."""
+    robot = RobotParameters(hitch=Hitch(coulomb_friction_n_m=2e-3))
+    size, width = 2e-3 / robot.swing_inertia_kg_m2, 0.05
+    model = SampledModel(robot, 0.033, substep_s=1e-4, smoothing_rad_s=width)
+    body, wheels = np.array([[0.0, 0.0, 0.0, 0.3, 0.1]]), np.zeros((1, 2))
+    for _ in range(10):
+        body, wheels = model.advance(body, wheels, np.zeros((1, 2)))
+
+    def slowing(_: float, s: np.ndarray) -> np.ndarray:
+        return -size * s / np.hypot(s, width)
+
+    exact = solve_ivp(slowing, (0.0, 0.33), [0.1], rtol=1e-10, atol=1e-12).y[0, -1]
+    # linearly implicit, of first order: f/ε·step = 5e-4 of what is left
+    assert exact < 0.05
+    assert body[0, 4] == pytest.approx(exact, rel=2e-3)
 
 
 def swing_energy(

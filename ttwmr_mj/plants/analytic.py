@@ -20,7 +20,7 @@ from ttwmr_mj.dynamics.kinematics import (
 )
 from ttwmr_mj.dynamics.servo import Stretches, cut, ramp
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.bodiless import BodilessPlant
+from ttwmr_mj.plants.base import BodilessPlant
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState

@@ -6,7 +6,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.extended import ExtendedModel
 from ttwmr_mj.dynamics.servo import cut, ramp
-from ttwmr_mj.plants.bodiless import BodilessPlant
+from ttwmr_mj.plants.base import BodilessPlant
 from ttwmr_mj.plants.extended_steps import rolling_setpoint, step
 from ttwmr_mj.state import THETA2, BoolArray, FloatArray, RobotState
 

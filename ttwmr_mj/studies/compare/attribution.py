@@ -124,28 +124,26 @@ def attribute(
     """
     present = [effect for effect in EFFECTS if effect.present(scenario)]
     names = frozenset(effect.name for effect in present)
-    needs = {e.name: names.intersection(e.needs) for e in present}
-    needed_by = {n: frozenset(o for o in names if n in needs[o]) for n in names}
-    sets: list[frozenset[str]] = [frozenset(), names]
-    for name in (e.name for e in present):
-        below, above = needs[name], names - needed_by[name]
-        sets += [below, below | {name}, above, above - {name}]
+    # effect → the sets with it and without it: near the ideal, near the full model
+    pairs: dict[str, tuple[frozenset[str], ...]] = {}
+    for effect in present:
+        it, below = {effect.name}, names.intersection(effect.needs)
+        above = names - {other.name for other in present if effect.name in other.needs}
+        pairs[effect.name] = (below | it, below, above, above - it)
 
     def deviation(variant: Scenario) -> FloatArray:
         contact = replay_contact(variant, commands)
         return Deviation.between(contact, replay_analytic(variant, commands)).q
 
-    variants = {on: with_effects(scenario, on) for on in sorted(set(sets), key=sorted)}
+    sets = {frozenset(), names}.union(*pairs.values())
+    variants = {on: with_effects(scenario, on) for on in sorted(sets, key=sorted)}
     delta = dict(zip(variants, in_threads(deviation, [*variants.values()], progress), strict=True))
     contributions = {}
     measured = np.zeros_like(delta[names])
     for effect in present:
-        name = effect.name
-        below, above = needs[name], names - needed_by[name]
-        alone = delta[below | {name}] - delta[below]
-        removed = delta[above] - delta[above - {name}]
-        whole = 1.0 / effect.reach(scenario)
-        contributions[name] = (whole * alone, 0.5 * (removed - alone))
+        ideal_with, ideal, full, full_without = (delta[on] for on in pairs[effect.name])
+        alone, removed = ideal_with - ideal, full - full_without
+        contributions[effect.name] = (alone / effect.reach(scenario), 0.5 * (removed - alone))
         measured += 0.5 * (removed + alone)
     higher = delta[names] - delta[frozenset()] - measured
     tables = {

@@ -73,15 +73,13 @@ def plain(report: dict[str, Any]) -> str:
                 )
             lines += _note(report, quantity)
     if report["convergence"]:
-        orders = report["convergence"]["order"]
-        finest = report["convergence"]["position_deviation_per_path"][-1]
-        lines += [""]
-        for label, value in (
-            ("order of convergence of P", orders["position_deviation_max_m"]),
-            ("order of convergence of θ2", orders["theta2_deviation_max_rad"]),
-            ("P per path at the finest level", finest),
-        ):
-            lines.append(f"{label:42s} {'undefined' if value is None else f'{value:.4g}'}")
+        study, orders = report["convergence"], report["convergence"]["order"]
+        numbers = {
+            "order of convergence of P": orders["position_deviation_max_m"],
+            "order of convergence of θ2": orders["theta2_deviation_max_rad"],
+            "P per path at the finest level": study["position_deviation_per_path"][-1],
+        }
+        lines += ["", *(f"{label:42s} {_number(value)}" for label, value in numbers.items())]
     if report["fit"]:
         lines += ["", "fitted parameters, with their 95 % intervals"]
         for name, e in report["fit"]["parameters"].items():
