@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import logging
 from pathlib import Path
 from time import process_time
 
@@ -35,7 +34,6 @@ def main() -> None:
     parser.add_argument("--only", nargs="+", default=CONTROLLERS, choices=CONTROLLERS)
     parser.add_argument("--out", type=Path, default=Path("basin.png"))
     options = parser.parse_args()
-    logging.getLogger("ttwmr_mj.controllers.mpc").setLevel(logging.ERROR)  # a batch is no overrun
     position = np.linspace(-REACH_M, REACH_M, options.cells + 1)
     angle = np.linspace(-REACH_RAD, REACH_RAD, options.cells + 1)
     basins, cpu_s = {}, {}

@@ -15,7 +15,7 @@ import pyarrow as pa
 from ttwmr_mj.plants.contact import CONTACTS, ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.recording import RunRecorder
+from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory

@@ -129,7 +129,7 @@ def test_the_recording_shows_what_the_camera_saw(tmp_path: Path) -> None:
 def test_the_laboratory_experiment_by_camera() -> None:
     run = drive("lab_circle_camera")
     robot = load_scenario("lab_circle_camera").robot
-    assert score(run, robot)["steady_tractor_rmse_m"] <= 0.003
+    assert score(run, robot)[0]["steady_tractor_rmse_m"] <= 0.003
     assert run.est_valid.all()
 
 

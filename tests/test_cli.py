@@ -50,7 +50,6 @@ def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     assert names == {
         "scenario.resolved.toml",
         "manifest.json",
-        "lyapunov.parquet",
         "trajectory.parquet",
         "metrics.json",
         "run.rrd",
@@ -133,7 +132,10 @@ def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
 def test_list_names_every_scenario_with_its_description(tmp_path: Path) -> None:
     lines = ttwmr("list", cwd=tmp_path).stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(shipped_scenarios())
-    assert all(len(line.split()) > 3 for line in lines)
+    texts = {line.split("  ", 1)[1].strip() for line in lines}
+    assert texts == {load_scenario(name).description for name in shipped_scenarios()}
+    column = max(map(len, shipped_scenarios())) + 2
+    assert all(line[column - 1] == " " != line[column] for line in lines)
 
 
 def test_export_schema_is_json_schema(tmp_path: Path) -> None:

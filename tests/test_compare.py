@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from test_hybrid import swing_energy
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.dynamics.hybrid import swing_energy
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -20,9 +20,10 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
+from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
-from ttwmr_mj.studies.compare.study import Options, compare_scenario, known_numbers, run_pair
+from ttwmr_mj.studies.compare.study import Options, compare_scenario
 
 
 def open_loop(
@@ -137,6 +138,22 @@ def test_the_residuals_are_small_and_have_the_right_signs() -> None:
     # 1.23 kg at 0.13 m/s carry 10 mJ
     assert 0.0 < residuals.energy_lost_j[-1] < 1e-3
     assert np.abs(residuals.trailer_torque_n_m).max() < 1e-4
+
+
+def test_what_the_hitch_stores_and_burns_is_in_the_account() -> None:
+    hitch = {"stiffness_n_m_rad": 0.02, "damping_n_m_s_rad": 5e-3}
+    run = run_contact(open_loop(*TURN, hitch=hitch))
+    q, rate = run.trajectory.q[:, 0], run.trajectory.q_rate[:, 0]
+    angle, speed = q[:, 3] - q[:, 2], rate[:, 3] - rate[:, 2]
+    # without the hitch's torque this much would be missing
+    assert 5e-3 * np.abs(speed).max() > 1e-3
+    assert 0.5 * 0.02 * angle[-1] ** 2 > 1e-5
+    residuals = Residuals.of(run)
+    assert np.abs(residuals.trailer_torque_n_m).max() < 1e-4
+    assert 0.0 < residuals.energy_lost_j[-1] < 1e-3
+    plain = Residuals.of(run_contact(open_loop(*TURN)))
+    # the floor takes what it took without spring and damper; the spring alone holds ten times that
+    assert residuals.energy_lost_j[-1] == pytest.approx(plain.energy_lost_j[-1], rel=0.1)
 
 
 def test_deviation_knows_ahead_from_aside() -> None:

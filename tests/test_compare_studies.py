@@ -14,11 +14,23 @@ from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.studies.compare.attribution import QUANTITIES, Attribution, Row, attribute
+from ttwmr_mj.studies.compare.attribution import (
+    QUANTITIES,
+    Attribution,
+    Contribution,
+    attribute,
+    table,
+)
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
-from ttwmr_mj.studies.compare.fit.fit import DIFFERENCES, MAX_STEP_S, SCALES, fit
+from ttwmr_mj.studies.compare.fit.fit import (
+    DIFFERENCES,
+    MAX_STEP_S,
+    SCALES,
+    fit,
+    standard_deviation,
+)
 from ttwmr_mj.studies.compare.fit.shooting import Shooting
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
 from ttwmr_mj.studies.compare.variant import changed
@@ -29,9 +41,9 @@ BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, Any]) -> Trajectory:
     """Commands (n, 2) on the extended plant; each parameter a number or one per simulation."""
     count = max(int(np.size(value)) for value in values.values())
-    model = ExtendedModel(scenario.robot, values)
-    step = scenario.plant.contact.timestep_s
-    return replay(scenario, commands, ExtendedPlant(model, count, step, MAX_STEP_S))
+    model = ExtendedModel(scenario.robot, values, values.get("physics_step_s", 0.0005))
+    period = scenario.control.sampling_time_s
+    return replay(scenario, commands, ExtendedPlant(model, count, period, MAX_STEP_S))
 
 
 def everything() -> Scenario:
@@ -55,42 +67,85 @@ def test_every_effect_can_be_switched_off_and_on() -> None:
 
 def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     full = open_loop(*BRISK, robot={"servo": {"velocity_gain_n_m_s_rad": 0.2}})
-    table = attribute(full, run_commands(full))
-    assert table.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
+    result = attribute(full, run_commands(full))
+    assert result.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
     for quantity in QUANTITIES:
-        *parts, total = table.tables[quantity]
+        *parts, total = result.tables[quantity]
         assert total.name == "total"
-        assert sum(row.contribution for row in parts) == pytest.approx(total.contribution)
+        assert sum(row.size for row in parts) == pytest.approx(total.size)
         for row in parts[:-2]:
             assert row.alone is not None
             assert row.interaction is not None
-            assert row.alone + row.interaction == pytest.approx(row.contribution)
-    shares = {row.name: row.share for row in table.tables["position"]}
+            assert row.alone + row.interaction == pytest.approx(row.size)
+    shares = {row.name: row.share for row in result.tables["position"]}
     assert shares["servo"] == pytest.approx(1.0, abs=0.1)
     assert shares["rest"] == pytest.approx(0.0, abs=0.1)
 
 
+def test_studies_tell_how_far_they_are() -> None:
+    scenario = open_loop((0.1, 5.0, 5.0))
+    commands = np.full((scenario.periods, 2), 5.0)
+    for study in (attribute, converge):
+        told: list[float] = []
+        study(scenario, commands, told.append)
+        assert len(told) > 3
+        assert told == sorted(told)
+        assert 0.0 < told[0] < 0.6  # the longest run goes first, and is no more than half of it
+        assert told[-1] == 1.0
+
+
+def test_a_contribution_is_its_projection_on_the_total() -> None:
+    """By hand: δ = (3, 4) mm at one sample; one effect along it, one across, one rest."""
+    total, along = np.array([[3.0, 4.0, 0.0, 0.0]]), np.array([[1.5, 2.0, 0.0, 0.0]])
+    across = np.array([[-4.0, 3.0, 0.0, 0.0]])
+    none = np.zeros_like(total)
+    rows = table({"one": (along, across), "two": (none, none)}, 0.5 * along, total, [0, 1])
+    one, two, higher, rest, whole = rows
+    assert (one.alone, one.interaction, one.size) == pytest.approx((2.5, 0.0, 2.5))
+    assert (one.share, one.rms) == pytest.approx((0.5, np.hypot(-2.5, 5.0)))
+    assert (two.size, two.rms) == (0.0, 0.0)
+    assert (higher.size, rest.size, whole.size) == pytest.approx((1.25, 1.25, 5.0))
+    assert whole.share == pytest.approx(1.0)
+
+
+def test_standard_deviations_are_those_of_linear_least_squares() -> None:
+    jacobian = np.random.default_rng(0).normal(size=(40, 3))
+    residual = np.tile([1.0, 2.0, -1.0, 0.5, -1.0, -2.0, 1.0, -0.5], 5)  # alternating: no memory
+    covariance = np.linalg.inv(jacobian.T @ jacobian) * (residual @ residual) / (40 - 3)
+    expected = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(standard_deviation(residual, jacobian), expected, rtol=1e-12)
+    # neighbours that are correlated by ρ count as (1 − ρ)/(1 + ρ) of their number
+    rows = residual.reshape(10, 4)
+    slow = np.repeat(rows, 4, axis=0)
+    wide = np.repeat(jacobian.reshape(10, 4, 3), 4, axis=0).reshape(160, 3)
+    correlation = (slow[1:] * slow[:-1]).sum() / (slow**2).sum()
+    freedom = 160 * (1 - correlation) / (1 + correlation) - 3
+    covariance = np.linalg.inv(wide.T @ wide) * (slow**2).sum() / freedom
+    expected = np.sqrt(np.diag(covariance))
+    np.testing.assert_allclose(standard_deviation(slow.ravel(), wide), expected, rtol=1e-12)
+
+
 def test_a_large_rest_is_explained() -> None:
-    def table(total: float, rest: float) -> Attribution:
-        part = Row("servo", 0.0, 0.0, total - rest, 1.0 - rest / total, total - rest)
-        none = Row("higher_interactions", None, None, 0.0, 0.0, 0.0)
-        left = Row("rest", None, None, rest, rest / total, rest)
-        whole = Row("total", None, None, total, 1.0, total)
+    def found(total: float, rest: float) -> Attribution:
+        part = Contribution("servo", 0.0, 0.0, total - rest, 1.0 - rest / total, total - rest)
+        none = Contribution("higher_interactions", None, None, 0.0, 0.0, 0.0)
+        left = Contribution("rest", None, None, rest, rest / total, rest)
+        whole = Contribution("total", None, None, total, 1.0, total)
         return Attribution(("servo",), {"theta2": (part, none, left, whole)})
 
-    assert table(1.0, 0.09).note("theta2") is None
-    assert table(1e-3, 0.09e-3).as_json()["notes"] == {}
-    assert "they do not add up" in table(4.0, 1.7).as_json()["notes"]["theta2"]
-    assert "25.0 % of their sum" in str(table(1e-3, 0.2e-3).note("theta2"))
+    assert found(1.0, 0.09).note("theta2") is None
+    assert found(1e-3, 0.09e-3).as_json()["notes"] == {}
+    assert "they do not add up" in found(4.0, 1.7).as_json()["notes"]["theta2"]
+    assert "25.0 % of their sum" in str(found(1e-3, 0.2e-3).note("theta2"))
 
 
 @pytest.mark.slow
 def test_every_effect_is_attributed() -> None:
     full = everything()
-    table = attribute(full, run_commands(full))
-    assert table.present == tuple(effect.name for effect in EFFECTS)
-    for rows in table.tables.values():
-        assert sum(row.contribution for row in rows[:-1]) == pytest.approx(rows[-1].contribution)
+    result = attribute(full, run_commands(full))
+    assert result.present == tuple(effect.name for effect in EFFECTS)
+    for rows in result.tables.values():
+        assert sum(row.size for row in rows[:-1]) == pytest.approx(rows[-1].size)
 
 
 def test_contact_physics_converges_to_the_ideal_with_order_one() -> None:
@@ -129,12 +184,12 @@ def test_the_extended_model_without_extras_is_the_analytic_plant() -> None:
         wheel_radius_m=robot.tractor.wheel_radius_m,
         track_width_m=robot.tractor.track_width_m,
         hitch_damping_n_m_s_rad=1e-3,
+        physics_step_s=0.0,
     ).model_dump()
-    # a step of the setpoint so short that it leads by nothing
-    fine = changed(scenario, {"plant.contact.timestep_s": 1.1e-5})
     commands = run_commands(scenario)
-    extended, analytic = replay_extended(fine, commands, plain), replay_analytic(fine, commands)
-    assert np.abs(extended.q - analytic.q).max() < 5e-6
+    extended = replay_extended(scenario, commands, plain)
+    # Runge-Kutta of P and θ2 over 33 ms against 11 ms
+    assert np.abs(extended.q - replay_analytic(scenario, commands).q).max() < 5e-6
 
 
 def test_a_batch_of_extended_models_is_its_members() -> None:
@@ -199,7 +254,7 @@ def test_extended_plant_refuses_pushes() -> None:
     from ttwmr_mj.errors import InputError
 
     robot = open_loop(*BRISK).robot
-    model = ExtendedModel(robot, ExtendedParameters.expected(robot).model_dump())
+    model = ExtendedModel.of(robot, ExtendedParameters.expected(robot))
     plant = ExtendedPlant(model, 1, 1e-3, 0.033)
     plant.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0))
     plant.push({})

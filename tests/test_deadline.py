@@ -49,7 +49,7 @@ def test_a_hanging_controller_ends_its_run_with_the_reason_and_the_files(
         command, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
     )
     assert done.returncode == 1
-    reason = "the controller took longer than 0.2 s for its sample at t = 0.099 s"
+    reason = "the controller timed out after 0.2 s at its sample at t = 0.099 s"
     assert reason in done.stderr
     assert "control.controller_time_limit_s" in done.stderr
     assert "Traceback" not in done.stderr
@@ -61,7 +61,7 @@ def test_a_hanging_controller_ends_its_run_with_the_reason_and_the_files(
 
 def test_a_sleeping_controller_is_woken() -> None:
     began = time.perf_counter()
-    assert "took longer than 0.2 s" in experiment("Sleeper").run().outcomes[0].reason
+    assert "timed out after 0.2 s" in experiment("Sleeper").run().outcomes[0].reason
     assert time.perf_counter() - began < 30  # it would sleep for a minute
 
 
@@ -77,7 +77,7 @@ def test_what_raises_at_its_start_has_failed_there() -> None:
     result = experiment("Stillborn").run()
     (outcome,) = result.outcomes
     assert (outcome.status, outcome.time_s) == ("failed", 0.0)
-    assert outcome.reason == "at its start the controller raised SystemExit: never"
+    assert outcome.reason == "controller.start() raised SystemExit: never"
     assert len(result.trajectory) == 1
 
 
@@ -92,7 +92,7 @@ def test_outside_the_main_thread_an_answer_is_judged_when_it_comes() -> None:
     thread = threading.Thread(target=lambda: results.append(experiment("Slow").run()))
     thread.start()
     thread.join()
-    assert "took longer than 0.2 s" in results[0].outcomes[0].reason
+    assert "timed out after 0.2 s" in results[0].outcomes[0].reason
 
 
 def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:

@@ -9,6 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from drawn import drawn, labels
 
 from ttwmr_mj.figures.run import write_run_figures
 from ttwmr_mj.references.circle import Circle
@@ -104,6 +105,74 @@ def test_a_failed_figure_leaves_no_file(
     monkeypatch.setattr(Figure, "savefig", half_written)
     with pytest.raises(OSError, match="disk full"):
         write_run_figures(run, ROBOT, tmp_path, "circle")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("paths", ["x [m]", "y [m]", "P (tractor)", "COM of the trailer", "references"]),
+        ("x", ["time [s]", "x of P [m]", "true", "reference"]),
+        ("y", ["time [s]", "y of P [m]"]),
+        ("theta1", ["θ1 of the tractor [rad]"]),
+        ("theta2", ["θ2 of the trailer [rad]"]),
+        ("wheel_speeds", ["wheel speed [rad/s]", "right, commanded", "left, real"]),
+        ("errors", ["time [s]", "P error", "[mm]", "θ1 error", "[°]", "trailer COM", "error [mm]"]),
+        ("hitch_angle", ["hitch angle θ2 − θ1 [°]"]),
+    ],
+)
+def test_axes_and_curves_are_named(folder: Path, name: str, expected: list[str]) -> None:
+    assert set(expected) <= set(labels(folder / f"{name}.svg"))
+
+
+def test_curves_are_the_run(
+    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    curves = drawn(monkeypatch)
+    write_run_figures(run, ROBOT, tmp_path, "circle")
+    time_s, q, ref_q = run.time_s.tolist(), run.q[:, 0], run.ref_q[:, 0]
+    for name, i in (("x", 0), ("y", 1), ("theta1", 2), ("theta2", 3)):
+        assert curves[name] == {
+            "true": (time_s, q[:, i].tolist()),
+            "reference": (time_s, ref_q[:, i].tolist()),
+        }
+    com = q[:, :2] - ROBOT.trailer.com_offset_m * np.array([np.cos(q[:, 3]), np.sin(q[:, 3])]).T
+    np.testing.assert_allclose(curves["paths"]["P (tractor)"], q[:, :2].T)
+    np.testing.assert_allclose(curves["paths"]["COM of the trailer"], com.T)
+    wheels = curves["wheel_speeds"]
+    assert wheels["right, commanded"] == (time_s, run.wheel_command_rad_s[:, 0, 0].tolist())
+    assert wheels["left, real"] == (time_s, run.wheel_speed_rad_s[:, 0, 1].tolist())
+    miss = np.hypot(*(q - ref_q)[:, :2].T)
+    np.testing.assert_allclose(curves["errors"]["P error\n[mm] _child0"][1], 1e3 * miss)
+    # 0.1 rad to the right at first, at 57.3° per rad
+    turned = curves["errors"]["θ1 error\n[°] _child0"][1]
+    assert turned[0] == pytest.approx(-0.1 * 180 / np.pi)
+    hitch = curves["hitch_angle"]["hitch angle θ2 − θ1 [°] _child0"][1]
+    np.testing.assert_allclose(hitch, np.degrees(q[:, 3] - q[:, 2]))
+
+
+def test_signals_of_the_law_get_a_figure(
+    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    v = np.exp(-run.time_s)[:, None]
+    curves = drawn(monkeypatch)
+    logged = replace(run, signals={"lyapunov_v": v, "gain": 2.0 * v})
+    write_run_figures(logged, ROBOT, tmp_path, "circle")
+    assert {path.name for path in tmp_path.glob("signals.*")} == {"signals.png", "signals.svg"}
+    assert {"lyapunov_v", "gain", "time [s]"} <= set(labels(tmp_path / "signals.svg"))
+    assert curves["signals"]["lyapunov_v _child0"] == (run.time_s.tolist(), v[:, 0].tolist())
+    assert curves["signals"]["gain _child0"][1] == (2.0 * v[:, 0]).tolist()
+
+
+def test_a_law_that_logs_nothing_gets_no_figure(run: Trajectory, tmp_path: Path) -> None:
+    write_run_figures(replace(run, signals={}), ROBOT, tmp_path, "circle")
+    assert not list(tmp_path.glob("signals.*"))
+
+
+def test_several_simulations_are_refused(run: Trajectory, tmp_path: Path) -> None:
+    two = replace(run, q=np.repeat(run.q, 2, axis=1))
+    with pytest.raises(ValueError, match=r"got 2 simulations.*simulation\(index\)"):
+        write_run_figures(two, ROBOT, tmp_path, "circle")
     assert not list(tmp_path.iterdir())
 
 

@@ -74,7 +74,7 @@ def test_a_free_trailer_can_follow_it() -> None:
 def test_laws_follow_it(law: str, offset_m: float, allowed_m: float) -> None:
     start = [f"initial.x_offset_m={offset_m}", f"initial.theta2_offset_rad={4.0 * offset_m}"]
     scenario = load_scenario("outer_circle", [*SCENARIO, *start, f'controller={{kind="{law}"}}'])
-    metrics = score(Experiment(scenario).run().trajectory, scenario.robot)
+    metrics = score(Experiment(scenario).run().trajectory, scenario.robot)[0]
     error = metrics["steady_centre_of_oscillation_rmse_m"]
     assert error is not None
     assert error < allowed_m

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from ttwmr_mj.dynamics import hitch, hybrid, kinematics, kinetics
+from ttwmr_mj.dynamics import flatness, hitch, hybrid, kinematics, kinetics
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState
@@ -57,34 +57,32 @@ def test_acceleration_from_twist_is_the_derivative_of_the_velocity() -> None:
     np.testing.assert_allclose(ours, expected, atol=1e-9)
 
 
-def test_z_keeps_the_motion_and_its_heading_forwards_and_backwards() -> None:
+def test_z_keeps_the_motion_of_the_point_and_the_trailer() -> None:
     q, rate = RNG.uniform(-9, 9, (N, 4)), RNG.uniform(-2, 2, (N, 3))
     q_rate = kinematics.q_rate(q, rate)
     z = hybrid.z_from_q(q, q_rate)
     np.testing.assert_array_equal(z[:, [0, 2, 4]], q[:, [0, 1, 3]])
     np.testing.assert_array_equal(z[:, [1, 3, 5]], q_rate[:, [0, 1, 3]])
-    near = q[:, 2] + RNG.uniform(-1.5, 1.5, N)  # within π/2: enough to tell the ends apart
-    np.testing.assert_allclose(hybrid.heading_from_z(z, near), q[:, 2], atol=1e-12)
 
 
 def test_flat_output_velocity_and_acceleration_against_finite_differences() -> None:
     z, v = random_z_and_v()
-    step = 1e-5
+    step, k = 1e-5, ROBOT.swing_length_m
 
     def output(time_s: float) -> np.ndarray:
         acceleration = hybrid.trailer_acceleration(z[:, 4], v, ROBOT)
         theta2 = z[:, 4] + time_s * z[:, 5] + 0.5 * time_s**2 * acceleration
         place = z[:, [0, 2]] + time_s * z[:, [1, 3]] + 0.5 * time_s**2 * v
         q = np.column_stack([place, np.zeros(N), theta2])
-        return hybrid.flat_output(q, ROBOT)
+        return flatness.point_behind(q, k)
 
     q = np.column_stack([z[:, 0], z[:, 2], np.zeros(N), z[:, 4]])
     q_rate = np.column_stack([z[:, 1], z[:, 3], np.zeros(N), z[:, 5]])
-    velocity = hybrid.flat_output_velocity(q, q_rate, ROBOT)
+    velocity = flatness.velocity_behind(q_rate[:, :2], q[:, 3], q_rate[:, 3], k)
     np.testing.assert_allclose(velocity, (output(step) - output(-step)) / (2 * step), atol=1e-8)
     # Second differences with this step lose eight digits more.
     second = (output(step) - 2 * output(0.0) + output(-step)) / step**2
-    acceleration = hybrid.flat_output_acceleration(z[:, 4], z[:, 5], v, ROBOT)
+    acceleration = flatness.flat_output_acceleration(z[:, 4], z[:, 5], v, ROBOT)
     np.testing.assert_allclose(acceleration, second, atol=3e-5)
 
 
@@ -104,11 +102,21 @@ def test_spring_pulls_the_trailer_towards_the_tractor_and_the_damper_brakes() ->
     assert hitch.spring_damper_torque(still, ahead, SPRUNG.hitch) == pytest.approx(-0.001)
 
 
-def test_friction_opposes_the_rate_and_balances_small_loads_at_rest() -> None:
-    dry = Hitch(coulomb_friction_n_m=0.01)
-    rate, load = np.array([0.5, -0.5, 0.0, 0.0, 0.0]), np.array([1.0, 1.0, 0.004, -0.02, 0.0])
-    torque = hitch.friction_torque(rate, load, dry)
-    np.testing.assert_array_equal(torque, [-0.01, 0.01, -0.004, 0.01, 0.0])
+def test_friction_slows_the_hitch_and_stops_it_but_never_turns_it_round() -> None:
+    rate = np.array([0.5, -0.5, 0.1, -0.1, 0.0])
+    np.testing.assert_array_equal(hitch.rub(rate, 0.25), [0.25, -0.25, 0.0, 0.0, 0.0])
+
+
+def swing_energy(
+    angle: np.ndarray, rate: np.ndarray, twist: np.ndarray, robot: RobotParameters
+) -> np.ndarray:
+    """[J] of the free trailer's swing while the tractor keeps its twist (u1, u2).
+
+    The hitch angle φ then obeys φ̈ = u1·u2·cos φ / k: a pendulum in the centrifugal field, whose
+    ½φ̇² − (u1·u2/k)·sin φ is constant.
+    """
+    field = twist[..., 0] * twist[..., 1] / robot.swing_length_m
+    return robot.swing_inertia_kg_m2 * (0.5 * rate**2 - field * np.sin(angle))
 
 
 @pytest.mark.parametrize("turn_rate", [0.5, -0.5])
@@ -126,15 +134,15 @@ def test_free_trailer_keeps_its_swing_energy_at_constant_tractor_velocity(
     plant.reset(RobotState(q=q, q_rate=q_rate))
     command = kinematics.wheels_from_twist(twist, robot)
 
-    def swing_energy() -> np.ndarray:
+    def energy_now() -> np.ndarray:
         state = plant.state()
         hitch_rate = state.q_rate[:, 3] - state.q_rate[:, 2]
-        return hybrid.swing_energy(state.hitch_angle_rad, hitch_rate, twist, robot)
+        return swing_energy(state.hitch_angle_rad, hitch_rate, twist, robot)
 
-    initial, visited = swing_energy(), []
+    initial, visited = energy_now(), []
     for _ in range(600):
         plant.advance(command, 1)
-        visited.append(np.stack([swing_energy(), plant.state().hitch_angle_rad]))
+        visited.append(np.stack([energy_now(), plant.state().hitch_angle_rad]))
     energy, angle = np.moveaxis(np.array(visited), 1, 0)
     # RK4 drifts by (rate·step)^5 per step, (1.3·0.011)^5 = 6e-10; over 1800 steps of a 0.012 J
     # swing that is 1e-8 J. The swing itself is far from still.

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from ttwmr_mj.results.metrics import point_behind, score
+from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 
@@ -33,7 +34,7 @@ def trajectory(error_m: np.ndarray, theta2_error: float = 0.0) -> Trajectory:
 
 
 def test_errors_by_hand() -> None:
-    got = score(trajectory(np.array([0.4, 0.3, 0.0, 0.004, 0.003])), ROBOT)
+    got = score(trajectory(np.array([0.4, 0.3, 0.0, 0.004, 0.003])), ROBOT)[0]
     assert got["tractor_max_error_m"] == 0.4
     assert got["tractor_final_error_m"] == 0.003
     assert got["tractor_rmse_m"] == pytest.approx(np.sqrt((0.25 + 25e-6) / 5))
@@ -49,7 +50,7 @@ def test_errors_by_hand() -> None:
 
 
 def test_trailer_points_hang_behind_p() -> None:
-    got = score(trajectory(np.zeros(4), theta2_error=np.pi), ROBOT)
+    got = score(trajectory(np.zeros(4), theta2_error=np.pi), ROBOT)[0]
     assert got["tractor_rmse_m"] == 0.0
     assert got["trailer_rmse_m"] == pytest.approx(2 * 0.141)
     assert got["centre_of_oscillation_rmse_m"] == pytest.approx(2 * ROBOT.swing_length_m)
@@ -61,9 +62,9 @@ def test_trailer_points_hang_behind_p() -> None:
 def test_undefined_is_none_and_never_zero() -> None:
     free = trajectory(np.array([0.1, 0.2, 0.3]))
     nowhere = replace(free, ref_q=np.full_like(free.q, np.nan))
-    got = score(nowhere, ROBOT)
+    got = score(nowhere, ROBOT)[0]
     for key in ("tractor_rmse_m", "steady_trailer_rmse_m", "theta2_rmse_rad", "iae_m_s"):
         assert got[key] is None
     assert got["settling_time_s"] is None
     assert got["wheel_speed_max_rad_s"] == 5.0
-    assert score(free, ROBOT)["settling_time_s"] is None  # ends 0.3 m off
+    assert score(free, ROBOT)[0]["settling_time_s"] is None  # ends 0.3 m off

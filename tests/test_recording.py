@@ -21,7 +21,9 @@ from recordings import (
 )
 
 from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.recording.scene import floor_corners, reference_pieces
 from ttwmr_mj.recording.series import time_column
+from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.state import FloatArray
 
@@ -66,13 +68,44 @@ def test_plots_hold_the_rows(recording: Recording) -> None:
     np.testing.assert_array_equal(scalars("wheel_speed/command"), run.wheel_command_rad_s[:, 0])
     np.testing.assert_array_equal(scalars("tractor_error/true"), 1e3 * curves.tractor_error_m)
     np.testing.assert_array_equal(scalars("trailer_error/true"), 1e3 * curves.trailer_error_m)
+    degrees = np.degrees(curves.theta_error_rad[:, 0])
+    np.testing.assert_array_equal(scalars("angle_error/theta1"), degrees[:, [0]])
+    np.testing.assert_array_equal(scalars("angle_error/theta2"), degrees[:, [1]])
+    np.testing.assert_array_equal(scalars("hitch_angle/true"), np.degrees(curves.hitch_angle_rad))
 
 
-def test_series_are_named_and_coloured(recording: Recording) -> None:
-    for entity, components in recording.entities.items():
-        if entity.startswith("/plots/"):
-            assert components["SeriesLines:names"], entity
-            assert components["SeriesLines:colors"], entity
+def test_series_are_named_and_coloured(tmp_path: Path) -> None:
+    run = contact_run()
+    rows = replace(run, est_q=run.est_q + 0.01)
+    recording = Recording(record(tmp_path / "run.rrd", circle_reference(), rows))
+    named = {
+        entity.removeprefix("/plots/"): components["SeriesLines:names"][0][1]
+        for entity, components in recording.entities.items()
+        if entity.startswith("/plots/")
+    }
+    against = {"true": ["true"], "seen": ["estimated"], "reference": ["reference"]}
+    angles, error = {"theta1": ["θ1"], "theta2": ["θ2"]}, {"true": ["true"]}
+    known, wheels = {"seen": ["estimated"]}, {"true": ["right", "left"]}
+    plots = {
+        **dict.fromkeys(("x", "y", "theta1", "theta2"), against),
+        **dict.fromkeys(("tractor_error", "trailer_error", "hitch_angle"), error),
+        **dict.fromkeys(("angle_error", "estimate_angle_error"), angles),
+        **dict.fromkeys(("estimate_error", "measurement_age"), known),
+        "wheel_speed": wheels | {"command": ["right command", "left command"]},
+    }
+    expected = {
+        (plot, line): names for plot, lines in plots.items() for line, names in lines.items()
+    }
+    assert named == {f"{plot}/{line}": names for (plot, line), names in expected.items()}
+    linear = recording.entities["/plots/x/true"]["SeriesLines:interpolation_mode"]
+    for entity, names in named.items():
+        looks = recording.entities[f"/plots/{entity}"]
+        assert len(looks["SeriesLines:colors"][0][1]) == len(names)
+        # what was asked for is a wide band under the line of what happened
+        wide = entity.endswith(("/reference", "/command"))
+        assert looks["SeriesLines:widths"] == [(None, [5.0 if wide else 2.0] * len(names))]
+        stepped = entity == "wheel_speed/command"
+        assert (looks["SeriesLines:interpolation_mode"] != linear) == stepped
 
 
 def test_an_estimate_equal_to_the_truth_is_not_drawn(recording: Recording) -> None:
@@ -188,3 +221,67 @@ def test_rows_of_a_broken_run_are_left_out(tmp_path: Path) -> None:
         ("/plots/wheel_speed/true", "Scalars:scalars"),
     ):
         assert len(read.times_ns(entity, component)) == 40
+
+
+def test_the_floor_reaches_beyond_the_reference_but_is_never_smaller_than_the_lab() -> None:
+    low, high = floor_corners(None)
+    assert (low.tolist(), high.tolist()) == ([-0.95, -0.71], [0.95, 0.71])
+    circle = Circle(centre_m=(2.0, 0.0), radius_m=1.0, angular_rate_rad_s=0.5, theta2="outward")
+    path = circle.sample(0.01 * np.arange(1300))  # a whole turn takes 12.6 s
+    low, high = floor_corners(path)
+    # 0.4 m beyond the circle; 1e-4 m: samples are 5 mm apart, so 3 µm from the extremes at most
+    np.testing.assert_allclose(low, [-0.95, -1.4], atol=1e-4)
+    np.testing.assert_allclose(high, [3.4, 1.4], atol=1e-4)
+
+
+def test_floor_and_reference_are_drawn_where_they_are(recording: Recording) -> None:
+    reference = circle_reference()
+    low, high = floor_corners(reference)
+    ((_, corner),) = recording.entities["/world/floor"]["Boxes3D:centers"]
+    np.testing.assert_allclose(corner[0][:2], (low + high) / 2, atol=FLOAT32_M)
+    ((_, half),) = recording.entities["/world/floor"]["Boxes3D:half_sizes"]
+    np.testing.assert_allclose(half[0][:2], (high - low) / 2, atol=FLOAT32_M)
+    assert corner[0][2] + half[0][2] == pytest.approx(0.0, abs=FLOAT32_M)  # its top
+    ((_, lines),) = recording.entities["/world/floor/grid"]["LineStrips3D:strips"]
+    ends = np.array(lines)
+    upright = ends[ends[:, 0, 0] == ends[:, 1, 0]]
+    np.testing.assert_allclose(np.diff(upright[:, 0, 0]), 0.1, atol=FLOAT32_M)
+    assert (ends[..., :2] >= low - FLOAT32_M).all()
+    assert (ends[..., :2] <= high + FLOAT32_M).all()
+    for name, points in (
+        ("tractor", reference.position_m[:, 0]),
+        ("trailer", trailer_com(reference.q, ROBOT)[:, 0]),
+    ):
+        ((_, strips),) = recording.entities[f"/world/reference/{name}"]["LineStrips3D:strips"]
+        (strip,) = strips
+        np.testing.assert_allclose(np.array(strip)[:, :2], points, atol=FLOAT32_M)
+    marker = recording.values("/world/reference/marker", "Transform3D:translation")[:, 0]
+    np.testing.assert_allclose(marker[:, :2], contact_run().ref_q[:, 0, :2], atol=FLOAT32_M)
+    ((_, (ball,)),) = recording.entities["/world/reference/marker/ball"]["Ellipsoids3D:centers"]
+    assert ball == pytest.approx([0.0, 0.0, 0.11])
+
+
+def test_a_reference_of_the_trailer_that_ceases_or_jumps_is_cut() -> None:
+    points = np.arange(16.0).reshape(8, 2)
+    theta2 = np.array([0.0, 0.1, np.nan, 0.3, 0.4, 0.5 - np.pi, 0.6 - np.pi, 0.7 - np.pi])
+    cut = [piece[:, 0].tolist() for piece in reference_pieces(points, theta2)]
+    assert cut == [[0.0, 2.0], [6.0, 8.0], [10.0, 12.0, 14.0]]
+
+
+def test_what_the_sensor_saw_is_plotted_against_the_truth(tmp_path: Path) -> None:
+    run = contact_run()
+    rows = replace(
+        run,
+        est_q=run.est_q + [0.003, 0.004, 0.01, -0.02],
+        measurement_age_s=np.full_like(run.measurement_age_s, 0.05),
+    )
+    recording = Recording(record(tmp_path / "run.rrd", None, rows))
+
+    def scalars(entity: str) -> FloatArray:
+        return recording.values(f"/plots/{entity}", "Scalars:scalars")
+
+    np.testing.assert_array_equal(scalars("theta2/seen"), rows.est_q[:, 0, [3]])
+    np.testing.assert_allclose(scalars("estimate_error/seen"), 5.0)  # mm
+    np.testing.assert_allclose(scalars("estimate_angle_error/theta1"), 10.0)  # mrad
+    np.testing.assert_allclose(scalars("estimate_angle_error/theta2"), -20.0)
+    np.testing.assert_allclose(scalars("measurement_age/seen"), 50.0)  # ms

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from recordings import (
+    FLOAT32_M,
     PERIOD_S,
     ROBOT,
     Recording,
@@ -20,7 +21,7 @@ from recordings import (
     views,
 )
 
-from ttwmr_mj.recording import RunRecorder
+from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.results.trajectory import Trajectory
 
 MOTION = {
@@ -152,3 +153,82 @@ def test_the_picture_of_every_third_frame_whatever_the_chunks() -> None:
     for start, stop in ((0, 1), (1, 5), (5, 6), (6, 11)):
         view.append(records[start:stop])
     assert sent == [0, 3_000_000_000, 6_000_000_000, 9_000_000_000]
+
+
+def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> None:
+    from ttwmr_mj.scenario.file import load_scenario
+    from ttwmr_mj.studies.compare.recording import record_comparison
+    from ttwmr_mj.studies.compare.study import run_pair
+
+    pair = run_pair(load_scenario("open_loop_turn", ["duration_s=0.5"]))
+    path = tmp_path / "run.rrd"
+    record_comparison(pair, path, "# compared")
+    assert views(path) == [
+        ("plots/angles", "angles, contact − analytic [mrad]"),
+        ("plots/position", "P, contact − analytic [mm]"),
+        ("plots/residuals", "energy lost [mJ], trailer's torque missing [10 µN·m]"),
+        ("plots/slip", "slip of the wheels [mm/s]"),
+        ("report", "open_loop_turn"),
+        ("world", "Both robots; the analytic one is translucent"),
+    ]
+    read = Recording(path)
+
+    def values(plot: str) -> np.ndarray:
+        return read.values(f"/plots/{plot}/true", "Scalars:scalars")
+
+    off, rest = pair.deviation, pair.residuals
+    np.testing.assert_array_equal(values("position")[:, 0], 1e3 * off.position_m)
+    np.testing.assert_array_equal(values("position")[:, 2], 1e3 * off.aside_m)
+    np.testing.assert_array_equal(values("angles")[:, 1], 1e3 * off.q[:, 3])
+    np.testing.assert_array_equal(values("slip")[:, 3], 1e3 * rest.slip_along_m_s[:, 1])
+    np.testing.assert_array_equal(values("residuals")[:, 0], 1e3 * rest.energy_lost_j)
+    for root, rows in (("", pair.contact.trajectory), ("/analytic", pair.analytic)):
+        p = read.values(f"/world{root}/tractor", "Transform3D:translation")[:, 0]
+        np.testing.assert_allclose(p[:, :2], rows.q[:, 0, :2], atol=FLOAT32_M)
+    # the largest deviation is an arrow of 150 mm from the analytic P
+    arrows = read.values("/world/deviation", "Arrows3D:vectors")[:, 0]
+    assert np.linalg.norm(arrows, axis=1).max() == pytest.approx(0.15)
+    tails = read.values("/world/deviation", "Arrows3D:origins")[:, 0]
+    np.testing.assert_allclose(tails[:, :2], pair.analytic.q[:, 0, :2], atol=FLOAT32_M)
+
+
+def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> None:
+    from ttwmr_mj.studies.track.recording import TrackRecorder
+
+    path = tmp_path / "track.rrd"
+    camera = SimpleNamespace(project=lambda points: points[:, :2])
+    labels = SimpleNamespace(
+        centres_m=lambda _: np.zeros((4, 3)), height_m=np.array([0.1, 0.1, 0.1, 0.1])
+    )
+    q = np.array([0.1, -0.2, 0.3, -0.4])
+    estimates = [
+        SimpleNamespace(q=np.full(4, np.nan), status="lost", covariance=np.eye(8)),
+        SimpleNamespace(q=q, status="tracking", covariance=np.diag([9e-6, 16e-6] + [1.0] * 6)),
+    ]
+    records = [
+        SimpleNamespace(time_s=0.5 * k, frame=None, sighting=None, estimate=estimate)
+        for k, estimate in enumerate(estimates)
+    ]
+    with TrackRecorder(path, "v.avi", camera, labels) as recording:
+        recording.append(records)
+    assert views(path) == [
+        ("camera/picture", "v.avi"),
+        ("flags", "tracker"),
+        ("plots/angles", "angles [rad]"),
+        ("plots/position", "position of P [m]"),
+        ("plots/uncertainty", "uncertainty of P [mm]"),
+    ]
+    read = Recording(path)
+    assert read.times_ns("/plots/position", "Scalars:scalars") == [500_000_000]
+    np.testing.assert_array_equal(read.values("/plots/position", "Scalars:scalars")[0], q[:2])
+    np.testing.assert_array_equal(read.values("/plots/angles", "Scalars:scalars")[0], q[2:])
+    # 3 σ of 3 mm along x and 4 mm along y
+    spread = read.values("/plots/uncertainty", "Scalars:scalars")[0]
+    assert spread == pytest.approx([15.0])
+    assert read.entities["/flags/tracker"]["StateChange:state"] == [
+        (0, ["lost"]),
+        (500_000_000, ["tracking"]),
+    ]
+    # 3 σ, drawn 50 times its size, about P
+    ring = read.values("/camera/picture/covariance", "LineStrips2D:strips")[-1, 0]
+    np.testing.assert_allclose(ring.max(axis=0) - q[:2], [0.45, 0.6], rtol=1e-5)

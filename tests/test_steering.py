@@ -15,9 +15,9 @@ from ttwmr_mj.cli.commands.run import Run
 from ttwmr_mj.cli.main import parse
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.results.metrics import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.run.experiment import Experiment
@@ -174,7 +174,8 @@ def test_who_believes_less_friction_feeds_less_forward() -> None:
     robot = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=1e-3)})
     state = np.array([[0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0]])
     full = HitchFriction(robot, FrictionOptions()).swing_along(state)
-    less = HitchFriction(robot, FrictionOptions(believed_share=0.7)).swing_along(state)
+    doubting = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=0.7e-3)})
+    less = HitchFriction(doubting, FrictionOptions()).swing_along(state)
     none = HitchFriction(robot, FrictionOptions(dry="ignored")).swing_along(state)
     assert less == pytest.approx(0.7 * full)
     assert full[0] == pytest.approx(-1e-3 / robot.swing_inertia_kg_m2, rel=1e-3)

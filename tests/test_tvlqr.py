@@ -42,7 +42,7 @@ def with_tvlqr(name: str, *overrides: str) -> Scenario:
 def steady_mm(scenario: Scenario) -> float:
     result = Experiment(scenario).run()
     assert result.outcomes[0].status == "ok", result.outcomes[0].reason
-    value = score(result.trajectory, scenario.robot)["steady_centre_of_oscillation_rmse_m"]
+    value = score(result.trajectory, scenario.robot)[0]["steady_centre_of_oscillation_rmse_m"]
     assert value is not None
     return 1e3 * value
 

@@ -264,10 +264,10 @@ class RobotParameters(Config):
         data: dict[str, Any] = dump(self)
         if len(self.trailers) > 1:
             return data
-        for first, name in self.FIRST.items():
-            if name in data:
-                data[first] = data.pop(name)[0]
-        return data
+        short = {name: first for first, name in self.FIRST.items()}
+        return {
+            short.get(key, key): value[0] if key in short else value for key, value in data.items()
+        }
 
     @classmethod
     def __get_pydantic_json_schema__(

@@ -6,54 +6,65 @@ import argparse
 import pkgutil
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, Field, dataclass, field, fields
 from importlib import import_module
 from types import UnionType
 from typing import Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 
 def argument(text: str, default: Any = MISSING) -> Any:
-    """A positional argument; a tuple takes one or more.
+    """A positional argument with its help; a tuple takes one or more."""
+    return field(default=default, metadata={"help": text})
+
+
+def option(
+    text: str, default: Any = MISSING, *, name: str | None = None, metavar: str | None = None
+) -> Any:
+    """A named option; a tuple may be given several times.
 
     Args:
         text: its help.
-        default: without it the argument is required.
-    """
-    return field(default=default, metadata={"help": text, "positional": True})
-
-
-def option(default: Any, text: str, *, name: str | None = None, metavar: str | None = None) -> Any:
-    """A named option; a bool is a switch, a tuple may be given several times.
-
-    Args:
-        default: if the option is not given; MISSING makes it required.
-        text: its help.
+        default: if it is not given; without one False, None or (), as the type says, else the
+            option is required. So it is for arguments, but for tuples.
         name: as typed; None: the field's name as --field-name.
         metavar: stands for the value in the help.
     """
-    metadata = {"help": text, "positional": False, "name": name, "metavar": metavar}
-    return field(default=default, metadata=metadata)
+    return field(default=default, metadata={"help": text, "name": name, "metavar": metavar})
 
 
 @dataclass(frozen=True, kw_only=True)
 class Subcommand(ABC):
-    """Base of every subcommand: its fields are what the user may give, `call` is what it does.
+    """Base of every subcommand: fields are what the user may give, calling it does the work.
 
-    The docstring's first line is its help. Field types decide how words are read: str, int, Path,
-    bool, Literal[...], X | None, tuple[X, ...].
+    Subclasses become frozen dataclasses. The first line of the docstring is the help. Types say
+    how words are read: str, int, Path, bool (a switch), Literal[...], X | None, tuple[X, ...].
     """
 
     registry: ClassVar[dict[str, type[Subcommand]]] = {}  # name → class
 
-    debug: bool = option(False, "show tracebacks")
+    debug: bool = option("show tracebacks", False)
 
     def __init_subclass__(cls, name: str | None = None) -> None:
+        hints = get_type_hints(cls)
+        for key, entry in vars(cls).items():
+            if isinstance(entry, Field) and entry.default is MISSING:
+                entry.default = _absent(hints[key], entry)
+        dataclass(frozen=True, kw_only=True)(cls)
         if name is not None:
             Subcommand.registry[name] = cls
 
     @abstractmethod
-    def call(self) -> int:
+    def __call__(self) -> int:
         """Do it and return the exit code."""
+
+
+def _absent(hint: Any, entry: Field[Any]) -> Any:
+    """The value of what is not given; MISSING if it must be."""
+    if hint is bool:
+        return False
+    if isinstance(hint, UnionType):
+        return None
+    return () if get_origin(hint) is tuple and "name" in entry.metadata else MISSING
 
 
 def load_subcommands(package: str) -> dict[str, type[Subcommand]]:
@@ -78,19 +89,25 @@ def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
     # the class's own options first, then those it shares with others
     order = [n for base in kind.__mro__ for n in vars(base).get("__annotations__", ())]
     for entry in (by_name[n] for n in order if n in by_name):
-        settings = _read(hints[entry.name]) | {"help": entry.metadata["help"]}
-        if not entry.metadata["positional"]:
-            typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
-            if entry.metadata["metavar"]:
-                settings["metavar"] = entry.metadata["metavar"]
-            required = entry.default is MISSING
-            parser.add_argument(typed, dest=entry.name, required=required, **settings)
-        else:
-            if settings.pop("action", None) == "append":
-                settings |= {"nargs": "+", "metavar": entry.name.removesuffix("s")}
-            elif entry.default is not MISSING:
-                settings |= {"nargs": "?", "default": entry.default}
-            parser.add_argument(entry.name, **settings)
+        _add(parser, entry, hints[entry.name])
+
+
+def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
+    """One argument or option of a parser."""
+    settings, required = _read(hint), entry.default is MISSING
+    known = "" if required or not entry.default else f"; default: {entry.default}"
+    if "name" in entry.metadata:
+        typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
+        settings |= {"dest": entry.name, "required": required}
+        if entry.metadata["metavar"]:
+            settings["metavar"] = entry.metadata["metavar"]
+    else:
+        typed = entry.name
+        if settings.pop("action", None) == "append":
+            settings |= {"nargs": "+", "metavar": typed.removesuffix("s")}
+        elif not required:
+            settings |= {"nargs": "?", "default": entry.default}
+    parser.add_argument(typed, help=entry.metadata["help"] + known, **settings)
 
 
 def _read(hint: Any) -> dict[str, Any]:

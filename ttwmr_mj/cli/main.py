@@ -25,7 +25,7 @@ def main(words: Sequence[str] | None = None) -> int:
     subcommand = parse(words)
     signal.signal(signal.SIGTERM, _interrupt)
     try:
-        return subcommand.call()
+        return subcommand()
     except KeyboardInterrupt:
         print("ttwmr: stopped", file=sys.stderr)
         return 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,21 +14,19 @@ if TYPE_CHECKING:
 SCENARIO = "a TOML file, or the name of a shipped scenario"
 
 
-@dataclass(frozen=True, kw_only=True)
 class Quiet(Subcommand):
     """Subcommands that show progress and print results."""
 
-    quiet: bool = option(False, "print nothing but errors")
+    quiet: bool = option("print nothing but errors")
 
 
-@dataclass(frozen=True, kw_only=True)
 class NewFolder(Quiet):
     """Subcommands that fill a folder of results, a new one by default."""
 
     out: Path | None = option(
-        None, "folder for the results; default: a new one under results/", metavar="DIR"
+        "folder for the results; default: a new one under results/", metavar="DIR"
     )
-    force: bool = option(False, "write into a folder that is not empty")
+    force: bool = option("write into a folder that is not empty")
 
     def open_folder(self, name: str, suffix: str | int) -> Path:
         """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>."""
@@ -40,20 +37,16 @@ class NewFolder(Quiet):
         return folder
 
 
-@dataclass(frozen=True, kw_only=True)
 class Overrides(Subcommand):
     """Subcommands that read scenarios, in which single values can be replaced."""
 
     overrides: tuple[str, ...] = option(
-        (),
-        "override one value of the scenario; repeatable",
-        name="--set",
-        metavar="KEY.PATH=VALUE",
+        "override one value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
     )
     fragment: Path | None = option(
-        None, "TOML merged into the scenario, such as what compare --fit writes", metavar="FILE"
+        "TOML merged into the scenario, such as what compare --fit writes", metavar="FILE"
     )
-    seed: int | None = option(None, "replace the scenario's seed")
+    seed: int | None = option("replace the scenario's seed")
 
     def load(self, scenario: str, *more: str) -> Scenario:
         """The scenario with the user's overrides, and more after them."""

@@ -47,7 +47,13 @@ from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.observer import Observer, ObserverOptions, Seen, wheels_turn
 from ttwmr_mj.controllers.shared.transition import WaysBack
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.dynamics.flatness import ComplexArray, dot, trailer_axes
+from ttwmr_mj.dynamics.flatness import (
+    ComplexArray,
+    dot,
+    point_behind,
+    trailer_axes,
+    velocity_behind,
+)
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import Fault
@@ -191,8 +197,8 @@ class Flatness(Controller):
         rate, a, pull = seen.body[:, 4], self._along, self._length * swing
         t, n = trailer_axes(seen.body[:, 3])
         velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
-        e = seen.body[:, :2] - self._length * t - reference[:, 0]
-        e1 = velocity - (self._length * rate)[:, None] * n - reference[:, 1]
+        e = point_behind(seen.body, self._length) - reference[:, 0]
+        e1 = velocity_behind(velocity, seen.body[:, 3], rate, self._length) - reference[:, 1]
         e2 = a[:, None] * t - pull[:, None] * n - reference[:, 2]
         e3 = (self._along_rate + pull * rate)[:, None] * t + (a * rate)[:, None] * n
         e3 = e3 - reference[:, 3]

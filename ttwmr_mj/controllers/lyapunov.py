@@ -20,6 +20,7 @@ Nothing here looks at the trailer.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Literal
@@ -80,6 +81,37 @@ def gains(options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
     return damping, np.array([options.alpha1, options.alpha3]) / damping
 
 
+def lyapunov_function(
+    e: FloatArray, e_rate: FloatArray, options: LyapunovOptions
+) -> tuple[FloatArray, FloatArray]:
+    """V of Eq. 33 and 44, and V' as Eq. 36 and 46 claim it, (...), for errors as in `law`.
+
+    V mixes m² and (m/s)², as the article's does; only its shape over time means something.
+    """
+    on_error = np.array([options.alpha1, options.alpha3])
+    on_rate = np.array([options.alpha2, options.alpha4])
+    v = 0.5 * (e**2 @ on_error + e_rate**2 @ on_rate)
+    return v, -(e**2 @ on_error) - e_rate**2 @ on_rate**2
+
+
+class LyapunovSignals:
+    """Logs V, its slope since the last sample, and what the article claims of V'."""
+
+    def __init__(self, options: LyapunovOptions, sampling_time_s: float) -> None:
+        self._options, self._period = options, sampling_time_s
+        self._before: FloatArray | float = np.nan
+
+    def of(self, e: FloatArray, e_rate: FloatArray) -> dict[str, FloatArray]:
+        """Signals of one sample, from errors (nsim, 2) as in `law`."""
+        v, claimed = lyapunov_function(e, e_rate, self._options)
+        slope, self._before = (v - self._before) / self._period, v
+        return {
+            "lyapunov_v": v,
+            "lyapunov_v_rate_1_s": slope,
+            "lyapunov_v_rate_eq36_1_s": claimed,
+        }
+
+
 class Lyapunov(Controller):
     """Law (32) and the map of Eq. 27-28 to wheel speeds.
 
@@ -96,14 +128,13 @@ class Lyapunov(Controller):
         self._velocity = task.path.velocity_m_s
         self._mean_acceleration = np.diff(self._velocity, axis=0) / task.sampling_time_s
         self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
+        self._signals = LyapunovSignals(self._options, task.sampling_time_s)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law on the estimated position and velocity of P."""
         state = estimate.state
-        acceleration = law(
-            state.q[:, :2] - self._position[k],
-            state.q_rate[:, :2] - self._velocity[k],
-            self._mean_acceleration[k],
-            self._options,
-        )
-        return self._wheels.command(acceleration, state)
+        e = state.q[:, :2] - self._position[k]
+        e_rate = state.q_rate[:, :2] - self._velocity[k]
+        acceleration = law(e, e_rate, self._mean_acceleration[k], self._options)
+        command = self._wheels.command(acceleration, state)
+        return replace(command, signals=self._signals.of(e, e_rate))

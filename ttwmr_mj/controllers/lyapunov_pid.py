@@ -28,6 +28,7 @@ the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errat
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -35,7 +36,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Controller, Task, undefined_theta2
-from ttwmr_mj.controllers.lyapunov import LyapunovOptions, gains, law
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions, LyapunovSignals, gains, law
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -184,15 +185,15 @@ class LyapunovPid(Controller):
         self._swing_length_m = task.robot.swing_length_m
         self._mean_acceleration = np.diff(reference.velocity_m_s, axis=0) / task.sampling_time_s
         self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
+        self._signals = LyapunovSignals(self._options, task.sampling_time_s)
         self._integral: FloatArray = np.zeros(task.nsim)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law on the estimated state."""
         options, state, reference = self._options, estimate.state, self._reference
+        e = state.q[:, :2] - reference.position_m[k]
         e_rate = state.q_rate[:, :2] - reference.velocity_m_s[k]
-        v = law(
-            state.q[:, :2] - reference.position_m[k], e_rate, self._mean_acceleration[k], options
-        )
+        v = law(e, e_rate, self._mean_acceleration[k], options)
         theta2 = state.q[:, THETA2]
         if options.correction == "pid":
             error, error_rate, feedforward = self._theta2_error(k, estimate)
@@ -210,7 +211,7 @@ class LyapunovPid(Controller):
         if options.anti_windup == "conditional":
             hold = hold | cut | command.saturated
         self._integral = self._integral + np.where(hold, 0.0, self._period * error)
-        return command
+        return replace(command, signals=self._signals.of(e, e_rate))
 
     def _theta2_error(
         self, k: int, estimate: Estimate

@@ -13,26 +13,29 @@ the trailer; integrated by parts it becomes a kick κ of θ̇2, and the state is
 - A ball that rolls resists acceleration with 2/5 of its mass, at its place on the floor, and its
   motion with δ/ρ of its load.
 
+The state is x, y, θ1, θ2 and the swing rate.
+
 Arrays have a leading axis of nsim simulations; every parameter is a number or (nsim,).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics.hitch import rub
+from ttwmr_mj.dynamics.hybrid import sideways
+from ttwmr_mj.dynamics.kinematics import Value, rolling, to_world
 from ttwmr_mj.robot import Config, RobotParameters
-from ttwmr_mj.state import LEFT, RIGHT, FloatArray
+from ttwmr_mj.state import FloatArray
 
 GRAVITY_M_S2 = 9.81
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
-CREEP_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
-
-Value = FloatArray | float
+FADING_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
+STATES = 5  # x, y, θ1, θ2, swing rate
 
 
 class ExtendedParameters(Config):
@@ -48,6 +51,12 @@ class ExtendedParameters(Config):
     hitch_coulomb_friction_n_m: float = Field(default=0.0, ge=0, le=1e3)
     caster_mass_kg: float = Field(default=0.0, ge=0, le=10, description="of one rolling ball")
     rolling_resistance_m: float = Field(default=0.0, ge=0, le=0.1)
+    physics_step_s: float = Field(
+        default=0.0005,
+        ge=0,
+        le=0.01,
+        description="of the contact physics that was fitted: the wheels lead a ramp by half of it",
+    )
 
     @classmethod
     def expected(cls, robot: RobotParameters) -> ExtendedParameters:
@@ -64,16 +73,6 @@ class ExtendedParameters(Config):
         )
 
 
-class Motion(NamedTuple):
-    """Rates of the extended model, each (nsim,)."""
-
-    forward_m_s: FloatArray  # of P along the heading
-    left_m_s: FloatArray  # of P to the left: side slip
-    turn_rad_s: FloatArray  # θ̇1
-    kick_rad_s: FloatArray  # θ̇2 less the swing rate
-    swing_rad_s2: FloatArray  # rate of the swing rate, without dry friction
-
-
 @dataclass(frozen=True, slots=True)
 class ExtendedModel:
     """The equations of motion.
@@ -81,10 +80,17 @@ class ExtendedModel:
     Attributes:
         robot: Table I, spring, geometry of the balls.
         values: parameter name of `ExtendedParameters` → number or (nsim,).
+        physics_step_s: the one parameter that is the same for all simulations.
     """
 
     robot: RobotParameters
     values: dict[str, Value]
+    physics_step_s: float
+
+    @classmethod
+    def of(cls, robot: RobotParameters, parameters: ExtendedParameters) -> ExtendedModel:
+        """The model with one set of parameters."""
+        return cls(robot, dict(parameters.model_dump()), parameters.physics_step_s)
 
     @property
     def swing_inertia_kg_m2(self) -> Value:
@@ -93,42 +99,46 @@ class ExtendedModel:
         balls = 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
         return self.robot.swing_inertia_kg_m2 + balls * (length**2 + spacing**2)
 
-    def motion(
-        self,
-        wheels: FloatArray,
-        wheels_rate: FloatArray,
-        hitch: FloatArray,
-        swing_rate: FloatArray,
-        lead_s: Value = 0.0,
-    ) -> Motion:
-        """The rates now.
+    def rate(
+        self, state: FloatArray, wheels: FloatArray, wheels_rate: FloatArray, lead_s: FloatArray
+    ) -> FloatArray:
+        """The state's rates (5, nsim), without dry friction.
 
         Args:
+            state: (5, nsim) x, y, θ1, θ2, swing rate.
             wheels: (nsim, 2) setpoints (right, left) [rad/s].
             wheels_rate: (nsim, 2) their rates [rad/s²].
-            hitch: (nsim,) θ2 − θ1.
-            swing_rate: (nsim,) θ̇2 less the kick [rad/s].
             lead_s: (nsim, 2) how far the wheels are ahead of their setpoints.
         """
+        _, _, theta1, theta2, swing_rate = state
+        hitch = theta2 - theta1
         u1, u2 = self.twist(wheels)
         u1_rate, u2_rate = self.twist(wheels_rate)
         # once with the ideal speeds for the forces, once with what these leave of them
-        swing = self._swing(u1, u2, u1_rate, u2_rate, hitch, swing_rate)
-        push = self._push(u1, u2, u1_rate, u2_rate, hitch, swing_rate, swing)
+        turning = self._theta2_acceleration(u1, u2, u1_rate, u2_rate, hitch, swing_rate)
+        push = self._push(u1, u2, u1_rate, u2_rate, hitch, swing_rate, turning)
         wheels = wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate)
         ideal, (u1, u2) = u1, self.twist(wheels)
         reach = self._tail * self._length / self.swing_inertia_kg_m2 * (u1 - ideal)
-        kick = -reach * np.sin(hitch)
-        theta2_rate = swing_rate + kick
-        swing = self._swing(u1, u2, u1_rate, u2_rate, hitch, theta2_rate)
-        swing += reach * np.cos(hitch) * (theta2_rate - u2)
-        return Motion(u1, -self.values["slip_time_s"] * u1 * u2, u2, kick, swing)
+        theta2_rate = swing_rate - reach * np.sin(hitch)
+        turning = self._theta2_acceleration(u1, u2, u1_rate, u2_rate, hitch, theta2_rate)
+        turning += reach * np.cos(hitch) * (theta2_rate - u2)
+        velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
+        return np.stack([*velocity, u2, theta2_rate, turning])
+
+    def rub(self, swing_rate: FloatArray, turn: FloatArray, time_s: FloatArray) -> FloatArray:
+        """(nsim,) the swing rate after the dry friction of a while; at most the turn rate θ̇1."""
+        friction = self.values["hitch_coulomb_friction_n_m"] / self.swing_inertia_kg_m2
+        return turn + rub(swing_rate - turn, friction * time_s)
+
+    @property
+    def dry(self) -> bool:
+        """Whether any simulation's hitch has dry friction."""
+        return bool(np.any(np.asarray(self.values["hitch_coulomb_friction_n_m"]) > 0.0))
 
     def twist(self, wheels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(u1, u2) by Eq. 8-9 with the effective radius and track."""
-        radius, track = self.values["wheel_radius_m"], self.values["track_width_m"]
-        right, left = wheels[:, RIGHT], wheels[:, LEFT]
-        return 0.5 * radius * (right + left), radius / track * (right - left)
+        return rolling(wheels, self.values["wheel_radius_m"], self.values["track_width_m"])
 
     @property
     def _tail(self) -> Value:
@@ -140,7 +150,7 @@ class ExtendedModel:
     def _length(self) -> float:
         return self.robot.trailer.com_offset_m
 
-    def _swing(
+    def _theta2_acceleration(
         self,
         u1: FloatArray,
         u2: FloatArray,
@@ -154,7 +164,7 @@ class ExtendedModel:
         ahead = u1_rate + slip * u1 * u2**2
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
         cos, sin = np.cos(hitch), np.sin(hitch)
-        torque = self._tail * self._length * (left * cos - ahead * sin)
+        torque = self._tail * self._length * sideways(hitch, ahead, left)
         torque -= self.robot.hitch.stiffness_n_m_rad * hitch
         torque -= self.values["hitch_damping_n_m_s_rad"] * (theta2_rate - u2)
         torque += self._rolling_torque(u1, -slip * u1 * u2, cos, sin, theta2_rate)
@@ -170,9 +180,8 @@ class ExtendedModel:
         across = aside * cos - u1 * sin - length * rate
         torque = np.zeros_like(u1)
         for side in (-spacing, spacing):
-            along = u1 * cos + aside * sin - side * rate
-            size = np.sqrt(along**2 + across**2 + CREEP_M_S**2)
-            torque += (length * across + side * along) / size
+            along, aside_share = _direction(u1 * cos + aside * sin - side * rate, across)
+            torque += length * aside_share + side * along
         return np.asarray(drag * torque)
 
     def _push(
@@ -198,13 +207,11 @@ class ExtendedModel:
         # rolling resistance of the nose's ball, and of the trailer's as far as it drags P along
         load = nose / casters.tractor_position_m * GRAVITY_M_S2
         resistance = self.values["rolling_resistance_m"] / casters.radius_m
-        aside = casters.tractor_position_m * u2
-        size = np.sqrt(u1**2 + aside**2 + CREEP_M_S**2)
-        force += resistance * load * u1 / size
-        torque += resistance * load * casters.tractor_position_m * aside / size
-        across = u1 * sin + self._length * theta2_rate
-        size = np.sqrt((u1 * cos) ** 2 + across**2 + CREEP_M_S**2)
-        pull = (u1 + self._length * theta2_rate * sin) / size
+        ahead, aside = _direction(u1, casters.tractor_position_m * u2)
+        force += resistance * load * ahead
+        torque += resistance * load * casters.tractor_position_m * aside
+        along, across = _direction(u1 * cos, u1 * sin + self._length * theta2_rate)
+        pull = along * cos + across * sin
         force += resistance * trailer.mass_kg * GRAVITY_M_S2 * pull
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
@@ -217,3 +224,9 @@ class ExtendedModel:
             for name in ("servo_time_constant_s", "wheel_radius_m")
         )
         return np.asarray(-lag * (wheels_rate + radius / inertia * push))
+
+
+def _direction(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Unit vector of a velocity, shorter where that is slow."""
+    size = np.sqrt(x**2 + y**2 + FADING_M_S**2)
+    return x / size, y / size

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.dynamics.hybrid import flat_output, flat_output_velocity
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA2, FloatArray
 
@@ -68,42 +67,6 @@ def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> F
     )
 
 
-def flat_from_motion(
-    q: FloatArray,
-    q_rate: FloatArray,
-    acceleration_m_s2: FloatArray,
-    jerk_m_s3: FloatArray,
-    robot: RobotParameters,
-) -> FloatArray:
-    """F, F', F'', F''' of a motion of P with a free trailer: the way back.
-
-    Args:
-        q: (..., 4) generalized coordinates.
-        q_rate: (..., 4) their rates.
-        acceleration_m_s2: (..., 2) P''.
-        jerk_m_s3: (..., 2) P'''.
-        robot: its swing length k.
-
-    Returns:
-        (..., 4, 2) [m, m/s, m/s², m/s³].
-    """
-    length, rate = robot.swing_length_m, q_rate[..., THETA2]
-    along, across = trailer_axes(q[..., THETA2])
-    surge, sway = dot(acceleration_m_s2, along), dot(acceleration_m_s2, across)
-    size = surge + length * rate**2
-    # θ̈2 = P''·n/k, and d/dt (P''·t) = P'''·t + θ̇2·P''·n
-    size_rate = dot(jerk_m_s3, along) + 3.0 * rate * sway
-    return np.stack(
-        [
-            flat_output(q, robot),
-            flat_output_velocity(q, q_rate, robot),
-            size[..., None] * along,
-            size_rate[..., None] * along + (size * rate)[..., None] * across,
-        ],
-        axis=-2,
-    )
-
-
 def centre_derivatives(
     position: FloatArray, theta2: FloatArray, robot: RobotParameters
 ) -> FloatArray:
@@ -119,6 +82,45 @@ def centre_derivatives(
     """
     direction = _turning(np.moveaxis(theta2, -1, 0))
     return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
+
+
+def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
+    """(..., 2) the trailer's point at P − distance·t, for q (..., 3 + n) [m]; NaN where θ2 is.
+
+    At a distance k it is F, the flat output; at l the trailer's COM.
+    """
+    along, _ = trailer_axes(q[..., THETA2])
+    return q[..., :2] - distance_m * along
+
+
+def velocity_behind(
+    velocity_m_s: FloatArray, theta2_rad: FloatArray, rate_rad_s: FloatArray, distance_m: float
+) -> FloatArray:
+    """(..., 2) that point's velocity Ṗ − distance·θ̇2·n [m/s], for Ṗ (..., 2), θ2 and θ̇2 (...)."""
+    _, across = trailer_axes(theta2_rad)
+    return velocity_m_s - (distance_m * rate_rad_s)[..., None] * across
+
+
+def flat_output_acceleration(
+    theta2_rad: FloatArray,
+    theta2_rate_rad_s: FloatArray,
+    acceleration_m_s2: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """F̈ = (v·t + k·θ̇2²)·t, for a free hitch (Eq. 24).
+
+    Args:
+        theta2_rad: (...) trailer orientation.
+        theta2_rate_rad_s: (...) its rate.
+        acceleration_m_s2: (..., 2) v = (ẍ, ÿ) of P.
+        robot: Table I.
+
+    Returns:
+        (..., 2) [m/s²].
+    """
+    along, _ = trailer_axes(theta2_rad)
+    size = dot(acceleration_m_s2, along) + robot.swing_length_m * theta2_rate_rad_s**2
+    return np.asarray(size[..., None] * along)
 
 
 def trailer_axes(theta2_rad: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -39,23 +39,10 @@ def published_spring_acceleration(
     return torque / robot.swing_length_m
 
 
-def friction_torque(
-    hitch_rate_rad_s: FloatArray, load_torque_n_m: FloatArray, hitch: Hitch
-) -> FloatArray:
-    """Coulomb friction on the trailer [N·m], with stiction.
+def rub(hitch_rate_rad_s: FloatArray, impulse_rad_s: FloatArray | float) -> FloatArray:
+    """The hitch's rate after dry friction that could change it by so much: nearer to rest.
 
-    Sliding, it opposes the rate at full size. At rate exactly zero it opposes the load, and
-    balances it up to its limit.
-
-    Args:
-        hitch_rate_rad_s: θ̇2 − θ̇1.
-        load_torque_n_m: (J2 + m2·l²) times the hitch acceleration there would be without
-            friction, that is, the torque friction must supply to keep the hitch locked, negated.
-        hitch: its coulomb_friction_n_m is the limit.
+    Friction stops the hitch where it can, and never turns it round.
     """
-    limit = hitch.coulomb_friction_n_m
-    return np.where(
-        hitch_rate_rad_s == 0.0,
-        -np.clip(load_torque_n_m, -limit, limit),
-        -limit * np.sign(hitch_rate_rad_s),
-    )
+    left = np.maximum(np.abs(hitch_rate_rad_s) - impulse_rad_s, 0.0)
+    return np.asarray(np.copysign(left, hitch_rate_rad_s))

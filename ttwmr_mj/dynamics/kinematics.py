@@ -1,6 +1,7 @@
 """Kinematic model (Eq. 1-10): the no-side-slip constraint, its null space, wheels and twist.
 
-All functions work over any leading axes. World frame, SI units; q = (x, y, θ1, θ2) (Eq. 2).
+All functions work over any leading axes. World frame, SI units; q = (x, y, θ1, θ2) (Eq. 2), or with
+more trailers' angles behind: widths below are those of one trailer.
 """
 
 from __future__ import annotations
@@ -9,6 +10,8 @@ import numpy as np
 
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT, THETA1, FloatArray
+
+Value = FloatArray | float
 
 
 def constraint_matrix(q: FloatArray) -> FloatArray:
@@ -20,7 +23,7 @@ def constraint_matrix(q: FloatArray) -> FloatArray:
     Returns:
         (..., 1, 4) the constraint's row; a unit vector pointing to the tractor's right.
     """
-    A = np.zeros((*q.shape[:-1], 1, 4))
+    A = np.zeros((*q.shape[:-1], 1, q.shape[-1]))
     A[..., 0, 0] = np.sin(q[..., THETA1])
     A[..., 0, 1] = -np.cos(q[..., THETA1])
     return A
@@ -36,8 +39,8 @@ def constraint_residual(q: FloatArray, q_rate: FloatArray) -> FloatArray:
     Returns:
         (...) speed of P towards the tractor's right [m/s].
     """
-    theta1 = q[..., THETA1]
-    return np.asarray(q_rate[..., 0] * np.sin(theta1) - q_rate[..., 1] * np.cos(theta1))
+    _, left = to_body(q[..., THETA1], q_rate[..., 0], q_rate[..., 1])
+    return np.asarray(-left)
 
 
 def null_space(q: FloatArray) -> FloatArray:
@@ -49,17 +52,17 @@ def null_space(q: FloatArray) -> FloatArray:
     Returns:
         (..., 4, 3) the columns are the motions ṡ, θ̇1, θ̇2.
     """
-    S = np.zeros((*q.shape[:-1], 4, 3))
+    width = q.shape[-1]
+    S = np.zeros((*q.shape[:-1], width, width - 1))
     S[..., 0, 0] = np.cos(q[..., THETA1])
     S[..., 1, 0] = np.sin(q[..., THETA1])
-    S[..., 2, 1] = 1.0
-    S[..., 3, 2] = 1.0
+    S[..., 2:, 1:] = np.eye(width - 2)
     return S
 
 
 def null_space_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
     """dS/dt (Eq. 21), (..., 4, 3), of q (..., 4) moving at q_rate (..., 4)."""
-    S_rate = np.zeros((*q.shape[:-1], 4, 3))
+    S_rate = np.zeros((*q.shape, q.shape[-1] - 1))
     theta1_rate = q_rate[..., THETA1]
     S_rate[..., 0, 0] = -np.sin(q[..., THETA1]) * theta1_rate
     S_rate[..., 1, 0] = np.cos(q[..., THETA1]) * theta1_rate
@@ -77,15 +80,8 @@ def q_rate(q: FloatArray, workspace_rate: FloatArray) -> FloatArray:
         (..., 4) rates of q [m/s, m/s, rad/s, rad/s].
     """
     theta1, speed = q[..., THETA1], workspace_rate[..., 0]
-    return np.stack(
-        [
-            speed * np.cos(theta1),
-            speed * np.sin(theta1),
-            workspace_rate[..., 1],
-            workspace_rate[..., 2],
-        ],
-        axis=-1,
-    )
+    velocity = np.stack([speed * np.cos(theta1), speed * np.sin(theta1)], axis=-1)
+    return np.concatenate([velocity, workspace_rate[..., 1:]], axis=-1)
 
 
 def workspace_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
@@ -98,9 +94,8 @@ def workspace_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
     Returns:
         (..., 3) (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s].
     """
-    theta1 = q[..., THETA1]
-    speed = q_rate[..., 0] * np.cos(theta1) + q_rate[..., 1] * np.sin(theta1)
-    return np.stack([speed, q_rate[..., 2], q_rate[..., 3]], axis=-1)
+    speed, _ = to_body(q[..., THETA1], q_rate[..., 0], q_rate[..., 1])
+    return np.concatenate([speed[..., None], q_rate[..., 2:]], axis=-1)
 
 
 def twist_from_wheels(wheel_speed_rad_s: FloatArray, robot: RobotParameters) -> FloatArray:
@@ -116,13 +111,38 @@ def twist_from_wheels(wheel_speed_rad_s: FloatArray, robot: RobotParameters) -> 
         (..., 2) u1 = ṡ [m/s] and u2 = θ̇1 [rad/s].
     """
     tractor = robot.tractor
-    right, left = wheel_speed_rad_s[..., RIGHT], wheel_speed_rad_s[..., LEFT]
-    u1 = (0.5 * tractor.wheel_radius_m) * (right + left)
-    u2 = (tractor.wheel_radius_m / tractor.track_width_m) * (right - left)
-    return np.stack([u1, u2], axis=-1)
+    return np.stack(
+        rolling(wheel_speed_rad_s, tractor.wheel_radius_m, tractor.track_width_m), axis=-1
+    )
+
+
+def rolling(wheels: FloatArray, radius_m: Value, track_m: Value) -> tuple[FloatArray, FloatArray]:
+    """u1 and u2 (Eq. 8-9) of wheel speeds (..., 2); of wheel angles: path and turn, (...) each."""
+    right, left = wheels[..., RIGHT], wheels[..., LEFT]
+    return (0.5 * radius_m) * (right + left), (radius_m / track_m) * (right - left)
 
 
 def wheels_from_twist(twist: FloatArray, robot: RobotParameters) -> FloatArray:
     """Wheel speeds (..., 2) (right, left) [rad/s] that give (u1, u2) (..., 2): Eq. 8-9 inverted."""
-    forward, turn = twist[..., 0], robot.half_track_m * twist[..., 1]
-    return np.stack([forward + turn, forward - turn], axis=-1) / robot.tractor.wheel_radius_m
+    return rolling_wheels(twist, robot.tractor.wheel_radius_m, robot.tractor.track_width_m)
+
+
+def rolling_wheels(twist: FloatArray, radius_m: Value, track_m: Value) -> FloatArray:
+    """The inverse of `rolling`: wheel speeds (..., 2) from (u1, u2) (..., 2)."""
+    forward, turn = twist[..., 0], 0.5 * track_m * twist[..., 1]
+    speeds = np.stack([forward + turn, forward - turn], axis=-1)
+    return np.asarray(speeds / np.asarray(radius_m)[..., None])
+
+
+def to_world(
+    heading_rad: FloatArray, ahead: FloatArray, left: FloatArray | float
+) -> tuple[FloatArray, FloatArray]:
+    """A vector given ahead and to the left of a heading as (x, y) in the world, (...) each."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return cos * ahead - sin * left, sin * ahead + cos * left
+
+
+def to_body(heading_rad: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """The inverse of `to_world`: the parts of (x, y) ahead and to the left of a heading."""
+    cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+    return cos * x + sin * y, cos * y - sin * x

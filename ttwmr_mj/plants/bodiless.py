@@ -30,7 +30,7 @@ class BodilessPlant(ABC):
             InputError: always, if there is a force.
         """
         if forces_n:
-            raise InputError("plant.pushes: only plant.kind = 'contact' can be pushed")
+            raise InputError.at("plant.pushes", "only plant.kind = 'contact' can be pushed")
 
     def joint_positions(self) -> FloatArray:
         """(nsim, 0): the model has no joints."""

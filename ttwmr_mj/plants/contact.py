@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
-from pathlib import Path
 
 import mujoco
 import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
@@ -54,9 +55,8 @@ class ContactPlant:
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(
-            robot, options, Path(options.model_path) if options.model_path else None
-        )
+        self.model = build_model(robot, options)
+        self._joints = Joints(self.model)
         self._robot = robot
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -64,12 +64,6 @@ class ContactPlant:
         self._forces = self._batch.bind("xfrc_applied")
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
-        self._free_qpos = int(self.model.joint("tractor").qposadr[0])
-        self._free_qvel = int(self.model.joint("tractor").dofadr[0])
-        self._hitch_qpos = int(self.model.joint("hitch").qposadr[0])
-        self._hitch_qvel = int(self.model.joint("hitch").dofadr[0])
-        self._wheel_qvel = [int(self.model.joint(name).dofadr[0]) for name in WHEELS]
-        self._ball_qvel = [int(self.model.joint(name).dofadr[0]) for name in CASTERS]
         self._balls = [int(self.model.body(name).id) for name in CASTERS]
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
@@ -80,7 +74,7 @@ class ContactPlant:
         self._setpoint: FloatArray = np.zeros((nsim, 2))
         self._time: FloatArray = np.zeros(0)
         self._record: tuple[str, ...] = ()
-        self._passed: list[tuple[FloatArray, FloatArray]] = []
+        self._passed: list[tuple[FloatArray, FloatArray, FloatArray]] = []
 
     def _settle(self) -> FloatArray:
         """(nq,) generalized positions of the robot standing still in its contacts at the origin.
@@ -90,31 +84,20 @@ class ContactPlant:
         self._batch.reset(keyframe=0)
         standing = np.array(self._qpos[0])
         self._batch.step(ids=[0], nstep=round(SETTLE_S / self.time_step_s))
-        height, tilt = self._free_qpos + 2, self._free_qpos + 5
+        free = self._joints.free_qpos
+        height, tilt = free + HEIGHT, free + Y
         standing[[height, tilt]] = np.round(self._qpos[0, [height, tilt]], SETTLED_DECIMALS)
-        standing[self._free_qpos + 3] = np.sqrt(1.0 - standing[tilt] ** 2)
+        standing[free + W] = np.sqrt(1.0 - standing[tilt] ** 2)
         return standing
 
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
-        qpos = np.tile(self._settled_qpos, (self.nsim, 1))
-        free = self._free_qpos
-        qpos[:, free : free + 2] = initial.q[:, :2]
-        half = 0.5 * initial.q[:, THETA1]
-        cos, sin = np.cos(half), np.sin(half)
-        w, x, y, z = self._settled_qpos[free + 3 : free + 7]
-        # yaw about the world's vertical, on top of the settled tilt
-        turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
-        qpos[:, free + 3 : free + 7] = np.stack(turned, axis=-1)
-        qpos[:, self._hitch_qpos] = initial.hitch_angle_rad
-        self._qpos[:] = qpos
-        self._qvel[:] = 0.0
-        self._qvel[:, self._free_qvel : self._free_qvel + 2] = initial.q_rate[:, :2]
-        self._qvel[:, self._free_qvel + 5] = initial.q_rate[:, THETA1]
-        self._qvel[:, self._hitch_qvel] = initial.q_rate[:, THETA2] - initial.q_rate[:, THETA1]
-        self._setpoint = self._rolling_speed(initial)
-        self._qvel[:, self._wheel_qvel] = self._setpoint
+        # servos at the wheel speeds that roll without slip
+        twist = workspace_rate(initial.q, initial.q_rate)[:, :2]
+        self._setpoint = wheels_from_twist(twist, self._robot)
+        self._qpos[:] = self._joints.standing(self._settled_qpos, initial.q)
+        self._qvel[:] = self._joints.moving(initial.q_rate, self._setpoint, self.model.nv)
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
         self._passed.clear()
         self._batch.forward()
@@ -130,42 +113,21 @@ class ContactPlant:
         spin = np.cross(lever, slip) / (lever**2).sum(axis=-1, keepdims=True)
         axes = self._body_axes[:, self._balls].reshape(*spin.shape, 3)
         local = np.einsum("...ji,...j->...i", axes, spin)  # MuJoCo wants it in the ball's axes
-        for ball, start in enumerate(self._ball_qvel):
+        for ball, start in enumerate(self._joints.ball_qvel):
             self._qvel[:, start : start + 3] += local[:, ball]
         self._batch.forward()
 
-    def _rolling_speed(self, initial: RobotState) -> FloatArray:
-        """(nsim, 2) wheel speeds that roll without slip at the initial velocity."""
-        heading = initial.q[:, THETA1]
-        forward = initial.q_rate[:, 0] * np.cos(heading) + initial.q_rate[:, 1] * np.sin(heading)
-        turn = self._robot.half_track_m * initial.q_rate[:, THETA1]
-        speeds = np.stack([forward + turn, forward - turn], axis=-1)
-        return speeds / self._robot.tractor.wheel_radius_m
-
     def state(self) -> RobotState:
         """Pose and velocity of P and of both halves, read from the joints."""
-        q, q_rate = self._planar(self._qpos, self._qvel)
+        q, q_rate = self._joints.planar(self._qpos, self._qvel)
         theta1 = unwrap_near(q[:, THETA1], self._theta1)
-        q[:, THETA2] += theta1 - q[:, THETA1]
+        q[:, THETA2:] += (theta1 - q[:, THETA1])[:, None]
         q[:, THETA1] = self._theta1 = theta1
         return RobotState(q=q, q_rate=q_rate)
 
-    def _planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Planar q and rate (..., 4) from joint coordinates (..., nq) and (..., nv); θ1 wrapped."""
-        free, speed = self._free_qpos, self._free_qvel
-        q, q_rate = np.empty((*qpos.shape[:-1], 4)), np.empty((*qpos.shape[:-1], 4))
-        q[..., :2] = qpos[..., free : free + 2]
-        # the quaternion's twist about the vertical; a flat robot's tilt does not enter
-        q[..., THETA1] = 2.0 * np.arctan2(qpos[..., free + 6], qpos[..., free + 3])
-        q[..., THETA2] = q[..., THETA1] + qpos[..., self._hitch_qpos]
-        q_rate[..., :2] = qvel[..., speed : speed + 2]
-        q_rate[..., THETA1] = qvel[..., speed + 5]
-        q_rate[..., THETA2] = qvel[..., speed + 5] + qvel[..., self._hitch_qvel]
-        return q, q_rate
-
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
-        return np.array(self._qvel[:, self._wheel_qvel])
+        return np.array(self._qvel[:, self._joints.wheel_qvel])
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo generalized positions, for drawing the robot."""
@@ -182,7 +144,7 @@ class ContactPlant:
         control = ramp(self._setpoint, wheel_command_rad_s, self._robot.servo, self._time)
         passed = self._batch.rollout(steps, control, record=self._record)
         if passed:
-            self._passed.append((passed["qpos"], passed["qvel"]))
+            self._passed.append((passed["qpos"], passed["qvel"], control))
         self._setpoint = control[:, -1]
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
@@ -201,14 +163,21 @@ class ContactPlant:
         self._record = ("qpos", "qvel")
 
     def physics_rate_states(self) -> tuple[FloatArray, RobotState, FloatArray]:
-        """Times (n,), q and rates (nsim, n, 4), wheel speeds (nsim, n, 2) of all kept steps."""
-        qpos, qvel = (np.concatenate(parts, axis=1) for parts in zip(*self._passed, strict=True))
-        q, q_rate = self._planar(qpos, qvel)
+        """Times (n,), q and rates (nsim, n, 3 + trailers), wheel speeds (nsim, n, 2) as kept."""
+        qpos, qvel, _ = self._kept()
+        q, q_rate = self._joints.planar(qpos, qvel)
         wrapped = np.concatenate([self._first_theta1[:, None], q[..., THETA1]], axis=1)
         turns = np.unwrap(wrapped, axis=1)[:, 1:] - q[..., THETA1]
         q[..., THETA1:] += turns[..., None]
         time_s = self.time_step_s * np.arange(1, q.shape[1] + 1, dtype=np.float64)
-        return time_s, RobotState(q=q, q_rate=q_rate), qvel[..., self._wheel_qvel]
+        return time_s, RobotState(q=q, q_rate=q_rate), qvel[..., self._joints.wheel_qvel]
+
+    def physics_rate_setpoints(self) -> FloatArray:
+        """(nsim, n, 2) speeds [rad/s] that the servos aimed at in each of these steps."""
+        return self._kept()[2]
+
+    def _kept(self) -> list[FloatArray]:
+        return [np.concatenate(parts, axis=1) for parts in zip(*self._passed, strict=True)]
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations in which MuJoCo warned, as it does of states that are not finite."""

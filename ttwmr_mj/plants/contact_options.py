@@ -15,16 +15,26 @@ SCENE = "give a scene file, relative to the scenario, or leave the key out for t
 class ContactOptions(Config):
     """Settings of the MuJoCo plant."""
 
-    timestep_s: float = Field(default=0.0005, ge=1e-5, le=0.01, description="physics step")
+    timestep_s: float = Field(
+        default=0.0005,
+        ge=1e-5,
+        le=0.01,
+        description="physics step; the contacts' error falls with it",
+    )
     contact_time_constant_s: float = Field(
-        default=0.001, ge=1e-5, le=0.1, description="solref: smaller is stiffer and creeps less"
+        default=0.001,
+        ge=1e-5,
+        le=0.1,
+        description="solref: smaller is stiffer and creeps less, but at least two steps",
     )
     friction_impedance_ratio: float = Field(
-        default=10.0, ge=1, le=1e5, description="impratio: larger slips less"
+        default=10.0, ge=1, le=1e5, description="impratio: larger slips less; 1 to 100"
     )
     floor_friction: float = Field(
         default=0.9, gt=0, le=10, description="Coulomb coefficient, tyres and balls on the floor"
     )
     model_path: Annotated[str, input_file(SCENE)] | None = Field(
-        default=None, description="another scene file that includes models/ttwmr.xml"
+        default=None,
+        description="another scene file that includes models/ttwmr.xml, relative to the scenario; "
+        "an analytic run is drawn in it",
     )

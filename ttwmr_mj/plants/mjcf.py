@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import mujoco
 import numpy as np
 
@@ -24,51 +22,51 @@ TRAILER_CASTERS = ("caster_trailer_right", "caster_trailer_left")
 CASTERS = (TRACTOR_CASTER, *TRAILER_CASTERS)
 WHEELS = ("wheel_right", "wheel_left")
 CONTACTS = (*WHEELS, *CASTERS)
+HITCHES = ("hitch",)  # front to back
 # A flat chassis: its roll and pitch inertia as a share of its yaw inertia. A planar robot feels
 # neither; more than half satisfies the triangle inequality.
 ROLL_SHARE = 0.55
 
 
-def build_spec(
-    robot: RobotParameters, options: ContactOptions, scene: Path | None = None
-) -> mujoco.MjSpec:
+def build_spec(robot: RobotParameters, options: ContactOptions) -> mujoco.MjSpec:
     """The laboratory with this robot in it, still editable.
 
     Args:
         robot: every number of the robot.
-        options: how contact physics is solved.
-        scene: another scene file that includes the robot; None takes the shipped one.
+        options: how contact physics is solved, and in which scene.
 
     Raises:
         InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
     """
-    path = scene or models_folder() / "scene.xml"
+    path = options.model_path or str(models_folder() / "scene.xml")
     try:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec = mujoco.MjSpec.from_file(path)
     except (ValueError, OSError) as error:
-        raise InputError(f"plant.contact.model_path: cannot read {path}: {error}") from error
+        raise InputError.at(
+            "plant.contact.model_path", f"MuJoCo cannot read it: {error}", got=repr(path)
+        ) from error
     try:
         _set_inertia(spec, robot)
         _set_geometry(spec, robot)
         _set_joints(spec, robot)
         _set_contact(spec, robot, options)
     except AttributeError as error:
-        raise InputError(
-            f"plant.contact.model_path: {path} lacks a part of the robot ({error}); it must "
-            "include models/ttwmr.xml and a geom named floor"
+        raise InputError.at(
+            "plant.contact.model_path",
+            f"a part of the robot is missing ({error})",
+            got=repr(path),
+            hint="the scene must include models/ttwmr.xml and have a geom named floor",
         ) from error
     return spec
 
 
-def build_model(
-    robot: RobotParameters, options: ContactOptions, scene: Path | None = None
-) -> mujoco.MjModel:
+def build_model(robot: RobotParameters, options: ContactOptions) -> mujoco.MjModel:
     """The compiled laboratory with this robot in it; errors as `build_spec`."""
-    spec = build_spec(robot, options, scene)
+    spec = build_spec(robot, options)
     try:
         return spec.compile()
     except ValueError as error:
-        raise InputError(f"plant.contact: MuJoCo refuses this robot: {error}") from error
+        raise InputError.at("plant.contact", f"MuJoCo refuses this robot: {error}") from error
 
 
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:

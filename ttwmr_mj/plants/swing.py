@@ -13,6 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
+from ttwmr_mj.dynamics.hybrid import sideways
+from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -28,17 +30,17 @@ class Forcing(NamedTuple):
     """
 
     duration_s: FloatArray  # (nsim,)
-    along: FloatArray  # (nsim,) −u̇1/k [1/s²]
-    across: FloatArray  # (3, nsim) u1·u2/k at start, middle and end [1/s²]
-    drive: FloatArray  # (nsim,) −u̇2, later also friction [rad/s²]
+    ahead: FloatArray  # (nsim,) u̇1/k [1/s²]
+    left: FloatArray  # (3, nsim) u1·u2/k at start, middle and end [1/s²]
+    drive: FloatArray  # (nsim,) −u̇2 [rad/s²]
 
     def after(self, fraction: FloatArray) -> Forcing:
         """The rest of the stretch from a fraction (nsim,) of its duration on."""
-        start, middle, end = self.across  # u1 and u2 are linear in time: a parabola
+        start, middle, end = self.left  # u1 and u2 are linear in time: a parabola
         slope, bend = 4.0 * middle - 3.0 * start - end, 2.0 * (start - 2.0 * middle + end)
         times = np.stack([fraction, 0.5 * (1.0 + fraction), np.ones_like(fraction)])
-        across = start + times * (slope + times * bend)
-        return self._replace(duration_s=(1.0 - fraction) * self.duration_s, across=across)
+        left = start + times * (slope + times * bend)
+        return self._replace(duration_s=(1.0 - fraction) * self.duration_s, left=left)
 
 
 class HitchSwing:
@@ -65,56 +67,49 @@ class HitchSwing:
         fastest = float(np.abs(np.linalg.eigvals(linear)).max())
         self.longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
 
-    def step(
-        self, angle: FloatArray, rate: FloatArray, forcing: Forcing
-    ) -> tuple[FloatArray, FloatArray]:
-        """Hitch angle [rad] and rate [rad/s], (nsim,) each, after one stretch of time."""
+    def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
+        """Hitch angle [rad] and rate [rad/s], (2, nsim), after one stretch of time."""
         if not self._friction:
-            return self._runge_kutta(angle, rate, forcing)
-        angle, rate, stop = self._slide_or_stick(angle, rate, forcing)
+            return self._glide(state, forcing, 0.0)
+        state, stop = self._slide_or_stick(state, forcing)
         if np.any(stop < 1.0):
-            angle, rate, _ = self._slide_or_stick(angle, rate, forcing.after(stop))
-        return angle, rate
+            state, _ = self._slide_or_stick(state, forcing.after(stop))
+        return state
 
-    def _slide_or_stick(
-        self, angle: FloatArray, rate: FloatArray, forcing: Forcing
-    ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Angle and rate at the first stop, and the fraction of the time at which it was.
+    def _slide_or_stick(self, state: FloatArray, forcing: Forcing) -> tuple[FloatArray, FloatArray]:
+        """The state at the first stop, and the fraction of the time at which it was.
 
-        The fraction is one where there was no stop; angle and rate are then those of the end.
+        The fraction is one where there was no stop; the state is then that of the end.
         """
-        load = self._acceleration(angle, rate, forcing.along, forcing.across[0]) + forcing.drive
+        angle, rate = state
+        load = self._acceleration(state, forcing, 0.0) + forcing.drive
         direction = np.sign(np.where(rate == 0.0, load, rate))
-        against = forcing._replace(drive=forcing.drive - self._friction * direction)
-        end_angle, end_rate = self._runge_kutta(angle, rate, against)
+        end_angle, end_rate = self._glide(state, forcing, self._friction * direction)
         stuck = (rate == 0.0) & (np.abs(load) <= self._friction)
         stops = ~stuck & (end_rate * direction < 0.0)
         fraction = np.where(stops, rate / np.where(stops, rate - end_rate, 1.0), 1.0)
         stop_angle = angle + 0.5 * fraction * forcing.duration_s * rate
         end_angle = np.where(stuck, angle, np.where(stops, stop_angle, end_angle))
-        return end_angle, np.where(stuck | stops, 0.0, end_rate), fraction
+        return np.stack([end_angle, np.where(stuck | stops, 0.0, end_rate)]), fraction
 
-    def _runge_kutta(
-        self, angle: FloatArray, rate: FloatArray, forcing: Forcing
-    ) -> tuple[FloatArray, FloatArray]:
-        dt, along, (start, middle, end), drive = forcing
-        half = 0.5 * dt
-        k1 = self._acceleration(angle, rate, along, start) + drive
-        glide = angle + half * rate
-        k2 = self._acceleration(glide, rate + half * k1, along, middle) + drive
-        k3 = self._acceleration(glide + half * half * k1, rate + half * k2, along, middle) + drive
-        glide = angle + dt * rate
-        k4 = self._acceleration(glide + dt * half * k2, rate + dt * k3, along, end) + drive
-        return (
-            glide + dt * dt / 6.0 * (k1 + k2 + k3),
-            rate + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4),
-        )
-
-    def _acceleration(
-        self, angle: FloatArray, rate: FloatArray, along: FloatArray, across: FloatArray
+    def _glide(
+        self, state: FloatArray, forcing: Forcing, friction: FloatArray | float
     ) -> FloatArray:
-        """φ̈ without drive and dry friction, (nsim,) [rad/s²]."""
-        free = along * np.sin(angle) + across * np.cos(angle)
+        """The state (2, nsim) after a stretch in which friction (nsim,) [rad/s²] does not turn."""
+        drive = forcing.drive - friction
+
+        def rate(share: float, now: FloatArray) -> FloatArray:
+            slope = np.empty_like(now)
+            slope[0] = now[1]
+            np.add(self._acceleration(now, forcing, share), drive, out=slope[1])
+            return slope
+
+        return runge_kutta(rate, state, forcing.duration_s)
+
+    def _acceleration(self, state: FloatArray, forcing: Forcing, share: float) -> FloatArray:
+        """φ̈ without drive and dry friction, (nsim,) [rad/s²], at a share of the stretch."""
+        angle, rate = state
+        free = sideways(angle, forcing.ahead, forcing.left[round(2.0 * share)])
         if self._stiffness or self._damping:
             free = free - (self._stiffness * angle + self._damping * rate)
-        return np.asarray(free)
+        return free

@@ -49,7 +49,8 @@ def _against_reference(title: str, truth: Colour, legend: Corner2D) -> Plot:
 
 
 def _single(title: str, colour: Colour, name: str = "true") -> Plot:
-    return Plot(title, None, {name: Series(("true",), (colour,))})
+    label = {"true": "true", "seen": "estimated"}[name]
+    return Plot(title, None, {name: Series((label,), (colour,))})
 
 
 def _angles(title: str) -> Plot:

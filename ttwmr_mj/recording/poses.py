@@ -5,10 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.mjcf import WHEELS
+from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, FloatArray
+from ttwmr_mj.state import FloatArray
 
 
 class BodyPoses:
@@ -19,13 +18,10 @@ class BodyPoses:
     first row (trapezoids).
     """
 
-    def __init__(self, model: mujoco.MjModel, robot: RobotParameters) -> None:
+    def __init__(self, model: mujoco.MjModel) -> None:
         self._model = model
         self._data = mujoco.MjData(model)
-        self._axle_height_m = robot.tractor.wheel_radius_m
-        self._free = int(model.joint("tractor").qposadr[0])
-        self._hitch = int(model.joint("hitch").qposadr[0])
-        self._wheels = [int(model.joint(name).qposadr[0]) for name in WHEELS]
+        self._joints = Joints(model)
         self._wheel_angle: FloatArray = np.zeros(2)
         self._last: tuple[FloatArray, FloatArray] | None = None
 
@@ -49,15 +45,9 @@ class BodyPoses:
         return position, quaternion
 
     def _standing(self, rows: Trajectory) -> FloatArray:
-        """(n, nq) generalized positions of a robot that stands level on its wheels."""
-        q, free = rows.q[:, 0], self._free
-        qpos = np.tile(self._model.qpos0, (len(rows), 1))
-        qpos[:, free : free + 2] = q[:, :2]
-        qpos[:, free + 2] = self._axle_height_m
-        half = 0.5 * q[:, THETA1]
-        qpos[:, free + 3], qpos[:, free + 6] = np.cos(half), np.sin(half)
-        qpos[:, self._hitch] = q[:, 3] - q[:, THETA1]
-        qpos[:, self._wheels] = self._roll(rows.time_s, rows.wheel_speed_rad_s[:, 0])
+        """(n, nq) generalized positions of a robot that stands level on its wheels, as in qpos0."""
+        qpos = self._joints.standing(np.array(self._model.qpos0), rows.q[:, 0])
+        qpos[:, self._joints.wheel_qpos] = self._roll(rows.time_s, rows.wheel_speed_rad_s[:, 0])
         return qpos
 
     def _roll(self, time_s: FloatArray, speed_rad_s: FloatArray) -> FloatArray:

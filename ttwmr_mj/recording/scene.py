@@ -59,10 +59,9 @@ class Scene:
     ) -> None:
         self._stream = stream
         self._root = root
-        self._poses = BodyPoses(model, robot)
+        self._poses = BodyPoses(model)
         self._bodies = [_body_path(root, model, i) for i in range(1, model.nbody)]
         self._last_points: dict[str, FloatArray] = {}
-        self._marked = False
         if root == WORLD:
             stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         _log_robot(stream, model, root)
@@ -112,11 +111,8 @@ class Scene:
         known = np.isfinite(points).all(axis=1)
         if not known.any():
             return
-        path = f"{self._root}/reference/marker"
-        if not self._marked:
-            _log_marker(self._stream, path)
-            self._marked = True
         columns = rr.Transform3D.columns(translation=_lift(points[known], 0.0))
+        path = f"{self._root}/reference/marker"
         self._stream.send_columns(path, [time_column(rows.time_s[known])], columns)
 
     def _append_forces(self, now: rr.TimeColumn, readings: FloatArray) -> None:
@@ -193,9 +189,9 @@ def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray, root: str) -> 
 def _log_reference(
     stream: rr.RecordingStream, reference: ReferencePath, robot: RobotParameters, root: str
 ) -> None:
-    """The whole reference: P as a line, the trailer's COM as a thinner one where θ2 is defined."""
+    """The whole reference, P as a line and the trailer's COM as a thinner one; P's marker."""
     q = reference.q[:, 0]
-    trailer = _pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
+    trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
     for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
         if pieces:
             line = rr.LineStrips3D(
@@ -204,29 +200,21 @@ def _log_reference(
                 radii=rr.Radius.ui_points([width]),
             )
             stream.log(f"{root}/reference/{name}", line, static=True)
+    top = [0.0, 0.0, MARKER_HEIGHT_M]  # a pole with a ball on it, seen over the robot
+    pole = rr.LineStrips3D([[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[0.0012])
+    ball = rr.Ellipsoids3D(
+        centers=[top], radii=[0.007], colors=[style.REFERENCE], fill_mode="solid"
+    )
+    stream.log(f"{root}/reference/marker/pole", pole, static=True)
+    stream.log(f"{root}/reference/marker/ball", ball, static=True)
 
 
-def _pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
+def reference_pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
     """The points (n, 2) cut where θ2 is undefined or jumps, in pieces of two and more."""
     with np.errstate(invalid="ignore"):
         broken = ~(np.abs(np.diff(theta2_rad)) < 0.5 * np.pi)
     pieces = np.split(points_m, np.flatnonzero(broken) + 1)
     return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
-
-
-def _log_marker(stream: rr.RecordingStream, path: str) -> None:
-    """A pole with a ball on top, tall enough to be seen over the robot."""
-    pole = rr.LineStrips3D(
-        [[[0.0, 0.0, 0.0], [0.0, 0.0, MARKER_HEIGHT_M]]], colors=[style.REFERENCE], radii=[0.0012]
-    )
-    ball = rr.Ellipsoids3D(
-        centers=[[0.0, 0.0, MARKER_HEIGHT_M]],
-        radii=[0.007],
-        colors=[style.REFERENCE],
-        fill_mode="solid",
-    )
-    stream.log(f"{path}/pole", pole, static=True)
-    stream.log(f"{path}/ball", ball, static=True)
 
 
 def _body_path(root: str, model: mujoco.MjModel, body: int) -> str:

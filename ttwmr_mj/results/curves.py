@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.results.metrics import point_behind
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap

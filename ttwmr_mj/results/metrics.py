@@ -13,6 +13,7 @@ import math
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
@@ -22,18 +23,17 @@ SETTLED_M = 0.01  # a run has settled when P stays this close to its reference u
 Metrics = dict[str, float | None]
 
 
-def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
-    """(..., 2) the trailer's point at P − distance·(cos θ2, sin θ2), for q (..., 4) [m]."""
-    theta2 = q[..., 3]
-    return q[..., :2] - distance_m * np.stack([np.cos(theta2), np.sin(theta2)], axis=-1)
-
-
-def score(trajectory: Trajectory, robot: RobotParameters) -> Metrics:
-    """All metrics of a batch of one; a value is None where it is undefined.
+def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:
+    """All metrics of every simulation, in order; a value is None where it is undefined.
 
     Undefined are: errors against a reference that does not exist, settling that never happens, and
     everything of a run without a single finite row.
     """
+    return tuple(_score(trajectory.simulation(i), robot) for i in range(trajectory.nsim))
+
+
+def _score(trajectory: Trajectory, robot: RobotParameters) -> Metrics:
+    """All metrics of a batch of one."""
     time = trajectory.time_s
     q, ref = trajectory.q[:, 0], trajectory.ref_q[:, 0]
     error = np.hypot(*(q - ref)[:, :2].T)

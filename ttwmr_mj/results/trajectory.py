@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 WHEEL_NAMES = ("wheel_right", "wheel_left")
+WHEELS = {"_cmd_rad_s": "wheel_command_rad_s", "_rad_s": "wheel_speed_rad_s"}
+FLAGS = ("est_valid", "measurement_age_s", "labels_found", "saturated", "near_singular")
 
 
 def q_names(width: int) -> tuple[str, ...]:
@@ -50,6 +52,7 @@ class Trajectory:
         joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.
         contact_readings: (n, nsim, 5, 15) contact sensors, see `plants.contact.read_contacts`;
             no contacts (n, nsim, 0, 15) on the analytic plant.
+        signals: name with unit → (n, nsim) what the law logs beside its commands.
     """
 
     time_s: FloatArray
@@ -68,6 +71,7 @@ class Trajectory:
     near_singular: BoolArray
     joint_positions: FloatArray
     contact_readings: FloatArray
+    signals: dict[str, FloatArray] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return int(self.time_s.shape[0])
@@ -108,34 +112,70 @@ class Trajectory:
 
     def rows(self, start: int, stop: int) -> Trajectory:
         """Views of rows start to stop."""
-        cut: dict[str, Any] = {f.name: getattr(self, f.name)[start:stop] for f in fields(self)}
-        return replace(self, **cut)
+        cut: dict[str, Any] = {name: a[start:stop] for name, a in self._arrays().items()}
+        signals = {name: a[start:stop] for name, a in self.signals.items()}
+        return replace(self, time_s=self.time_s[start:stop], **cut, signals=signals)
 
     def simulation(self, index: int) -> Trajectory:
         """Views of one simulation, as a batch of one."""
-        cut: dict[str, Any] = {
-            f.name: getattr(self, f.name)[:, index : index + 1]
-            for f in fields(self)
-            if f.name != "time_s"
-        }
-        return replace(self, **cut)
+        one = slice(index, index + 1)
+        cut: dict[str, Any] = {name: a[:, one] for name, a in self._arrays().items()}
+        return replace(self, **cut, signals={name: a[:, one] for name, a in self.signals.items()})
+
+    def _arrays(self) -> dict[str, FloatArray]:
+        """Every array with an axis of simulations, but the signals."""
+        names = (f.name for f in fields(self) if f.name not in ("time_s", "signals"))
+        return {name: getattr(self, name) for name in names}
+
+    @property
+    def column_names(self) -> tuple[str, ...]:
+        """Of the table, without the signals."""
+        blank = Trajectory.empty(self.time_s[:0], 1, trailers=self.q.shape[-1] - 3)
+        return tuple(blank.to_columns(0))
+
+    def to_columns(self, simulation: int | None = None) -> dict[str, FloatArray]:
+        """Column name → (n,) values of one simulation; names carry the units.
+
+        Args:
+            simulation: which; may be left out where there is one.
+
+        Raises:
+            InputError: there are several and none is named.
+        """
+        if simulation is None and self.nsim != 1:
+            raise InputError(
+                f"the trajectory has {self.nsim} simulations: say which one, simulation=0 to "
+                f"{self.nsim - 1}"
+            )
+        one = {name: values[:, simulation or 0] for name, values in self._arrays().items()}
+        columns: dict[str, FloatArray] = {"time_s": self.time_s}
+        for prefix in ("", "ref_", "est_"):
+            columns |= _state_columns(one[prefix + "q"], one[prefix + "q_rate"], prefix)
+        for suffix, name in WHEELS.items():
+            columns |= {wheel + suffix: one[name][:, i] for i, wheel in enumerate(WHEEL_NAMES)}
+        columns |= {name: one[name].astype(np.float64) for name in FLAGS}
+        return columns | {name: a[:, simulation or 0] for name, a in self.signals.items()}
+
+    def to_table(self, simulation: int | None = None) -> pa.Table:
+        """One simulation as an Arrow table; arguments and errors as `to_columns`."""
+        return _table(self.to_columns(simulation))
+
+    def to_pandas(self, simulation: int | None = None) -> Any:
+        """One simulation as a pandas DataFrame; arguments and errors as `to_columns`.
+
+        Raises:
+            MachineError: pandas is not installed.
+        """
+        try:
+            import pandas as pd
+        except ImportError as error:
+            raise MachineError("to_pandas needs pandas: pip install pandas") from error
+        return pd.DataFrame(self.to_columns(simulation))
 
 
-def to_table(trajectory: Trajectory) -> pa.Table:
-    """The first simulation as a Parquet table; the column names carry the units."""
+def _table(columns: dict[str, FloatArray]) -> pa.Table:
     import pyarrow as pa
 
-    one = {f.name: getattr(trajectory, f.name)[:, 0] for f in fields(trajectory)[1:]}
-    columns: dict[str, FloatArray] = {"time_s": trajectory.time_s}
-    for prefix in ("", "ref_", "est_"):
-        columns |= _state_columns(one[prefix + "q"], one[prefix + "q_rate"], prefix)
-    for suffix, values in (
-        ("_cmd_rad_s", one["wheel_command_rad_s"]),
-        ("_rad_s", one["wheel_speed_rad_s"]),
-    ):
-        columns |= {name + suffix: values[:, i] for i, name in enumerate(WHEEL_NAMES)}
-    for name in ("est_valid", "measurement_age_s", "labels_found", "saturated", "near_singular"):
-        columns[name] = one[name].astype(np.float64)
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
 
@@ -149,18 +189,16 @@ def _state_columns(q: FloatArray, q_rate: FloatArray, prefix: str = "") -> dict[
 def physics_rate_table(
     time_s: FloatArray, state: RobotState, wheel_speed_rad_s: FloatArray
 ) -> pa.Table:
-    """The first simulation's state at every physics step, with the same column names.
+    """One simulation's state at every physics step, with the same column names.
 
     Args:
         time_s: (n,) times.
-        state: q and rates (nsim, n, width).
-        wheel_speed_rad_s: (nsim, n, 2).
+        state: q and rates (n, width).
+        wheel_speed_rad_s: (n, 2).
     """
-    import pyarrow as pa
-
-    columns = {"time_s": time_s} | _state_columns(state.q[0], state.q_rate[0])
-    columns |= {n + "_rad_s": wheel_speed_rad_s[0, :, i] for i, n in enumerate(WHEEL_NAMES)}
-    return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
+    columns = {"time_s": time_s} | _state_columns(state.q, state.q_rate)
+    columns |= {n + "_rad_s": wheel_speed_rad_s[:, i] for i, n in enumerate(WHEEL_NAMES)}
+    return _table(columns)
 
 
 def read_parquet(path: Path) -> Trajectory:
@@ -189,7 +227,7 @@ def read_parquet(path: Path) -> Trajectory:
         return np.stack([table[name].to_numpy() for name in wanted], axis=-1)[:, None]
 
     time_s = columns(("time_s",))[:, 0, 0]
-    return replace(
+    rows = replace(
         Trajectory.empty(time_s, nsim=1, trailers=width - 3),
         q=columns(q_names(width)),
         q_rate=columns(rate_names(width)),
@@ -205,3 +243,5 @@ def read_parquet(path: Path) -> Trajectory:
         saturated=columns(("saturated",))[..., 0] > 0,
         near_singular=columns(("near_singular",))[..., 0] > 0,
     )
+    signals = [name for name in table.column_names if name not in rows.column_names]
+    return replace(rows, signals={name: columns((name,))[..., 0] for name in signals})

@@ -47,22 +47,18 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     """
     options, robot = scenario.plant, scenario.robot
     refuse_trains(robot)
+    period_s, longest_s = scenario.control.sampling_time_s, options.analytic.max_step_s
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
 
-        model = ExtendedModel(robot, options.analytic.extended.model_dump())
-        return ExtendedPlant(model, nsim, options.contact.timestep_s, options.analytic.max_step_s)
+        model = ExtendedModel.of(robot, options.analytic.extended)
+        return ExtendedPlant(model, nsim, period_s, longest_s)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 
-        return AnalyticPlant(
-            robot,
-            nsim=nsim,
-            time_step_s=options.contact.timestep_s,
-            max_integration_step_s=options.analytic.max_step_s,
-            published_spring=options.analytic.published_spring,
-        )
+        published = options.analytic.published_spring
+        return AnalyticPlant(robot, nsim, period_s, longest_s, published_spring=published)
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
@@ -99,13 +95,11 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     from ttwmr_mj.vision.setup import find_calibration
 
     calibration_rng, camera_rng = rng.spawn(2)
-    contact = scenario.plant.contact
-    scene = Path(contact.model_path) if contact.model_path else None
     return CameraSensor(
         section,
         find_calibration(section, calibration_rng, folder).camera,
         scenario.believed_robot,
-        build_model(scenario.robot, contact, scene),
+        build_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,

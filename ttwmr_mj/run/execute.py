@@ -7,20 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.files import write_json, write_parquet
-from ttwmr_mj.results.lyapunov_log import lyapunov_log, write_lyapunov
 from ttwmr_mj.results.metrics import Metrics, score
-from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table, to_table
+from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.run.background import Background
-from ttwmr_mj.run.experiment import Experiment, Outcome, Result
+from ttwmr_mj.run.experiment import Experiment, Result
 from ttwmr_mj.run.folder import write_manifest, write_resolved
+from ttwmr_mj.run.loop import Outcome
 from ttwmr_mj.run.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.state import RobotState
 
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
-    from ttwmr_mj.recording import RunRecorder
+    from ttwmr_mj.recording.run_recorder import RunRecorder
     from ttwmr_mj.vision.coco import FrameExport
     from ttwmr_mj.vision.sensor import CameraSensor
 
@@ -86,12 +86,11 @@ def run_scenario(
     shares = _shares(watch, result)
     metrics = metrics_of(result, scenario, sum(shares.values()))
     write_json(folder / "metrics.json", metrics)
-    write_parquet(to_table(result.trajectory), folder / "trajectory.parquet")
-    law = _lyapunov_law(experiment)
-    if law and len(result.trajectory) > 1:
-        write_lyapunov(lyapunov_log(result.trajectory, law), folder)
+    write_parquet(result.trajectory.to_table(), folder / "trajectory.parquet")
     if contact:
-        write_parquet(physics_rate_table(*contact.physics_rate_states()), folder / PHYSICS_FILE)
+        time_s, states, wheels = contact.physics_rate_states()
+        state = RobotState(states.q[0], states.q_rate[0])
+        write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
     watch.lap("files")
     if scenario.output.figures and len(result.trajectory) > 1:
         from ttwmr_mj.figures.run import write_run_figures
@@ -99,14 +98,6 @@ def run_scenario(
         write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares})
-
-
-def _lyapunov_law(experiment: Experiment) -> LyapunovOptions | None:
-    """The gains of V (Eq. 33, 44), if the run's law has such a function and errors to put in."""
-    law = experiment.scenario.controller
-    if experiment.reference is None or not isinstance(law, LyapunovOptions):
-        return None
-    return law
 
 
 def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
@@ -128,7 +119,7 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json: status first, then the numbers."""
     outcome = result.outcomes[0]
-    numbers: Metrics = score(result.trajectory, scenario.robot)
+    numbers: Metrics = score(result.trajectory, scenario.robot)[0]
     return {
         "status": outcome.status,
         "reason": outcome.reason,
@@ -202,7 +193,7 @@ def _recorded(
     experiment: Experiment, folder: Path, frames: FrameExport | None, progress: Progress | None
 ) -> Result:
     """Run with a recorder open; the recording is readable whatever happens."""
-    from ttwmr_mj.recording import RunRecorder
+    from ttwmr_mj.recording.run_recorder import RunRecorder
 
     scenario = experiment.scenario
     with (

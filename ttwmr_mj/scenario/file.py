@@ -109,16 +109,21 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
 def _sound_part(data: dict[str, Any], faults: list[Fault], context: dict[str, Path]) -> Scenario:
     """The scenario without its faults; no check looks at what is missing.
 
-    What has a fault is left out: the key itself, or where it has no default the table around it.
+    What has a fault is left out: the key itself, where that does not help the table around it, and
+    where that does not help the section.
     """
     sound, wrong = copy.deepcopy(data), [fault.key for fault in faults]
-    while True:
+    for less in (1, None):
         for key in wrong:
             _remove(sound, key)
         try:
             return _Incomplete.model_validate(sound, context=context)
-        except ValidationError as error:
-            wrong = [fault_of(item).key[:-1] for item in error.errors()]
+        except ValidationError as error:  # a key without a default, or one within a list
+            keys = [fault_of(item).key for item in error.errors()]
+            wrong = [key[:-less] if less else key[:1] for key in keys]
+    for key in wrong:
+        _remove(sound, key)
+    return _Incomplete.model_validate(sound, context=context)
 
 
 def _remove(data: dict[str, Any], key: Keys) -> None:

@@ -186,5 +186,10 @@ class Scenario(Config):
 
     @property
     def steps_per_period(self) -> int:
-        """Physics steps in a control period; the loader made sure it is a whole number."""
+        """The plant's steps in a control period; the loader made sure it is a whole number.
+
+        The analytic plants solve a whole period at once.
+        """
+        if self.plant.kind == "analytic":
+            return 1
         return round(self.control.sampling_time_s / self.plant.contact.timestep_s)

@@ -1,29 +1,22 @@
 """`ttwmr bench`: controllers ranked on tasks."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Quiet
 
 
-@dataclass(frozen=True, kw_only=True)
 class Bench(Quiet, name="bench"):
     """Run a suite of controllers on tasks and rank them."""
 
-    suite: str = argument("a TOML file, or the name of a shipped suite; default: quick", "quick")
+    suite: str = argument("a TOML file, or the name of a shipped suite", "quick")
     out: Path | None = option(
-        None, "folder for the results; finished runs in it are reused", metavar="DIR"
+        "folder for the results; finished runs in it are reused", metavar="DIR"
     )
-    rescore: bool = option(False, "run nothing, rank what --out holds")
-    workers: int | None = option(
-        None, "processes at a time; default: one per processor", metavar="N"
-    )
+    rescore: bool = option("run nothing, rank what --out holds")
+    workers: int | None = option("processes at a time; default: one per processor", metavar="N")
 
-    def call(self) -> int:
-        """Run what is not finished yet, and rank."""
+    def __call__(self) -> int:
         from ttwmr_mj.run.folder import open_folder, results_folder
         from ttwmr_mj.run.progress import progress_bar
         from ttwmr_mj.studies.bench.execute import run_suite

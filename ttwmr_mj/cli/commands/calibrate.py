@@ -1,32 +1,22 @@
 """`ttwmr calibrate`: a camera, simulated or real, and the board to calibrate it with."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Overrides
 
 
-@dataclass(frozen=True, kw_only=True)
 class Calibrate(Overrides, name="calibrate"):
     """Calibrate a camera with a ChArUco board."""
 
-    scenario: str = argument(
-        "scenario whose simulated camera sees the board; default: lab_circle_camera",
-        "lab_circle_camera",
-    )
+    scenario: str = argument("scenario whose simulated camera sees the board", "lab_circle_camera")
     images: Path | None = option(
-        None, "a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat", metavar="DIR"
+        "a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat", metavar="DIR"
     )
-    board: Path | None = option(None, "write the board to print, and nothing else", metavar="PNG")
-    out: Path = option(
-        Path("calibration.yaml"), "the calibration; default: calibration.yaml", metavar="YAML"
-    )
+    board: Path | None = option("write the board to print, and nothing else", metavar="PNG")
+    out: Path = option("the calibration", Path("calibration.yaml"), metavar="YAML")
 
-    def call(self) -> int:
-        """Calibrate and write the file, or write the board."""
+    def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (
             calibrate_from_images,
             calibrate_scenario,

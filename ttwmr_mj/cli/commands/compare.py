@@ -1,8 +1,5 @@
 """`ttwmr compare`: contact physics against the analytic model."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
@@ -11,31 +8,28 @@ from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
 from ttwmr_mj.errors import RunError
 
 
-@dataclass(frozen=True, kw_only=True)
 class Compare(Overrides, NewFolder, name="compare"):
     """Compare contact physics with the analytic model and explain it."""
 
     scenario: str = argument(SCENARIO)
     mode: Literal["open_loop", "closed_loop"] = option(
-        "open_loop", "one command history for both plants, or each under its own controller"
+        "one command history for both plants, or each under its own controller", "open_loop"
     )
     real_wheels: bool = option(
-        False,
         "open loop: drive the analytic model with the wheels' true speeds, so that only slip is "
-        "left",
+        "left"
     )
-    no_attribution: bool = option(False, "report deviations without explaining them; fast")
-    converge: bool = option(False, "refine the contact physics and report the convergence")
-    fit: bool = option(False, "fit an extended analytic model")
+    no_attribution: bool = option("report deviations without explaining them; fast")
+    converge: bool = option("refine the contact physics and report the convergence")
+    fit: bool = option("fit an extended analytic model")
     validate_on: str | None = option(
-        None, "scenario to validate the fit on; default: a shipped one", metavar="SCENARIO"
+        "scenario to validate the fit on; default: a shipped one", metavar="SCENARIO"
     )
     tolerance: Path | None = option(
-        None, "TOML of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
+        "TOML of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
     )
 
-    def call(self) -> int:
-        """Compare; exit code 1 if a tolerance is exceeded."""
+    def __call__(self) -> int:
         from ttwmr_mj.run.progress import progress_bar
         from ttwmr_mj.scenario.file import find_scenario
         from ttwmr_mj.studies.compare import Options, compare_scenario, plain

@@ -1,21 +1,16 @@
 """`ttwmr export-schema`: what may stand in a scenario, for editors."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, option
 
 
-@dataclass(frozen=True, kw_only=True)
 class ExportSchema(Subcommand, name="export-schema"):
     """Print the JSON Schema of scenarios."""
 
-    out: Path | None = option(None, "write it to a file instead", metavar="FILE")
+    out: Path | None = option("write it to a file instead", metavar="FILE")
 
-    def call(self) -> int:
-        """Print or write it."""
+    def __call__(self) -> int:
         import json
 
         from ttwmr_mj.files import write_text

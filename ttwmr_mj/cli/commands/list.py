@@ -1,22 +1,18 @@
 """`ttwmr list`: what is shipped."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
-
 from ttwmr_mj.cli.engine import Subcommand
 
 
-@dataclass(frozen=True, kw_only=True)
 class List(Subcommand, name="list"):
     """List the shipped scenarios."""
 
-    def call(self) -> int:
-        """One line each, with its description."""
+    def __call__(self) -> int:
         import tomllib
 
         from ttwmr_mj.assets import shipped_scenarios
 
-        for name, path in shipped_scenarios().items():
-            print(f"{name:20s} {tomllib.loads(path.read_text()).get('description', '')}")
+        shipped = shipped_scenarios()
+        width = max(map(len, shipped))
+        for name, path in shipped.items():
+            print(f"{name:{width}s}  {tomllib.loads(path.read_text()).get('description', '')}")
         return 0

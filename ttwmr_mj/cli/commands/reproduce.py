@@ -1,28 +1,23 @@
 """`ttwmr reproduce`: the article, run again."""
 
-from __future__ import annotations
-
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import option
 from ttwmr_mj.cli.shared import Quiet
 
 
-@dataclass(frozen=True, kw_only=True)
 class Reproduce(Quiet, name="reproduce"):
     """Re-run the article: every figure, every claim."""
 
     out: Path = option(
+        "folder for the report; finished runs in it are reused",
         Path("results/reproduce"),
-        "folder for the report; finished runs in it are reused; default: results/reproduce",
         metavar="DIR",
     )
-    only: tuple[str, ...] = option((), "one figure; repeatable", metavar="FIG")
+    only: tuple[str, ...] = option("one figure; repeatable", metavar="FIG")
 
-    def call(self) -> int:
-        """Run what is missing, draw, judge and report."""
+    def __call__(self) -> int:
         from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table
 
         done = reproduce(self.out, list(self.only), quiet=self.quiet)

@@ -1,8 +1,5 @@
 """`ttwmr run`: a scenario becomes a run folder."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
@@ -13,15 +10,13 @@ if TYPE_CHECKING:
     from ttwmr_mj.run import execute
 
 
-@dataclass(frozen=True, kw_only=True)
 class Run(Overrides, NewFolder, name="run"):
     """Run a scenario and leave a run folder."""
 
     scenario: str = argument(SCENARIO)
-    save_frames: bool = option(False, "keep the camera's frames, with COCO keypoint annotations")
+    save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
 
-    def call(self) -> int:
-        """Run it; a failed run is exit code 1, with what was recorded kept."""
+    def __call__(self) -> int:
         from ttwmr_mj.run.execute import run_scenario
         from ttwmr_mj.run.progress import progress_bar
         from ttwmr_mj.scenario.file import find_scenario
@@ -49,7 +44,7 @@ class Run(Overrides, NewFolder, name="run"):
         return 0
 
 
-def _print_run(run: execute.Run) -> None:
+def _print_run(run: "execute.Run") -> None:
     from ttwmr_mj.run.execute import RESULT_ROWS, in_unit
 
     for key, label, scale, unit in RESULT_ROWS:

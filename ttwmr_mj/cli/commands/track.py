@@ -1,27 +1,22 @@
 """`ttwmr track`: the robot's poses from a video."""
 
-from __future__ import annotations
-
-from dataclasses import MISSING, dataclass
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import NewFolder
 
 
-@dataclass(frozen=True, kw_only=True)
 class Track(NewFolder, name="track"):
     """Track the robot through a video or a camera's stream."""
 
     source: str = argument("a video file, or a camera's index")
     calibration: Path = option(
-        MISSING, "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
+        "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
     )
-    scenario: str = option("lab_circle", "scenario whose robot is seen; default: lab_circle")
-    frames: int | None = option(None, "stop after N frames", metavar="N")
+    scenario: str = option("scenario whose robot is seen", "lab_circle")
+    frames: int | None = option("stop after N frames", metavar="N")
 
-    def call(self) -> int:
-        """Track to the end of the video, or until Ctrl-C."""
+    def __call__(self) -> int:
         from ttwmr_mj.run.progress import progress_bar
         from ttwmr_mj.scenario.file import load_scenario
         from ttwmr_mj.studies.track.track import track

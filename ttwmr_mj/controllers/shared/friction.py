@@ -32,9 +32,6 @@ class FrictionOptions(Config):
     dry: Literal["ignored", "model"] = Field(
         default="model", description="ignored, or compensated with the robot's own figure"
     )
-    believed_share: float = Field(
-        default=1.0, ge=0, le=10, description="of the robot's own figure: 0.7 believes 30 % less"
-    )
     smoothing_rad_s: float = Field(
         default=0.05, gt=0, le=10, description="hitch rate at which friction counts as full"
     )
@@ -48,8 +45,7 @@ class HitchFriction:
     """
 
     def __init__(self, robot: RobotParameters, options: FrictionOptions) -> None:
-        share = options.believed_share if options.dry == "model" else 0.0
-        dry = share * robot.hitch.coulomb_friction_n_m
+        dry = robot.hitch.coulomb_friction_n_m if options.dry == "model" else 0.0
         hitch = robot.hitch.model_copy(update={"coulomb_friction_n_m": dry})
         self.believed = robot.model_copy(update={"hitch": hitch})
         self._scale_rad_s = options.smoothing_rad_s

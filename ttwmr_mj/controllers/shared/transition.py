@@ -23,7 +23,12 @@ from math import comb, factorial
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import motion_from_flat, trailer_axes
+from ttwmr_mj.dynamics.flatness import (
+    motion_from_flat,
+    point_behind,
+    trailer_axes,
+    velocity_behind,
+)
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
@@ -106,8 +111,8 @@ class WaysBack:
         a_rate = a * self._turn * self._rate[usable]
         t, n = trailer_axes(body[:, 3])
         length, count = self._robot.swing_length_m, (steps.size, len(body), 2)
-        centre = np.broadcast_to(body[:, :2] - length * t, count)
-        moving = np.broadcast_to(velocity - (length * rate)[:, None] * n, count)
+        centre = np.broadcast_to(point_behind(body, length), count)
+        moving = np.broadcast_to(velocity_behind(velocity, body[:, 3], rate, length), count)
         third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
         error = np.stack([centre, moving, a[:, None, None] * t, third], axis=2) - now[:4]
         strain, away = self._strain(k, error, steps * self._period, wheels)

@@ -22,8 +22,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import flat_output_acceleration
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.hybrid import flat_output_acceleration, trailer_acceleration
+from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.kinematics import constraint_residual, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import lateral_force, reduced_bias, reduced_mass_matrix
 from ttwmr_mj.references.shared.path import ReferencePath

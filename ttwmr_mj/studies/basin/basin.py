@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.metrics import point_behind
 from ttwmr_mj.run import build
 from ttwmr_mj.run.experiment import Experiment
 from ttwmr_mj.scenario.schema import OnReference, Scenario
@@ -69,9 +69,10 @@ def map_basin(
     """
     shape = (len(position_offset_m), len(theta2_offset_rad))
     if coarsest < 1 or coarsest & (coarsest - 1) or any((size - 1) % coarsest for size in shape):
-        raise InputError(
-            f"a basin of {shape[0]} x {shape[1]} starts with every {coarsest}th first: the stride "
-            "must be a power of two that divides one less than either number"
+        raise InputError.at(
+            "coarsest",
+            got=f"{coarsest} for {shape[0]} x {shape[1]} starts",
+            allowed="a power of two that divides one less than either number",
         )
     after, known = np.full(shape, np.nan), np.zeros(shape, dtype=np.bool_)
     simulated = known.copy()
@@ -83,11 +84,9 @@ def map_basin(
             caught = np.isfinite(around)
             same = caught.all(axis=0) | ~caught.any(axis=0)
             after[tuple(new[same].T)] = around[:, same].mean(axis=0)
-            new_starts = new[~same]
-        else:
-            new_starts = new
-        if len(new_starts):
-            i, j = new_starts.T
+            new = new[~same]
+        if len(new):
+            i, j = new.T
             after[i, j] = _caught_after(scenario, position_offset_m[i], theta2_offset_rad[j])
             simulated[i, j] = True
         known |= _every(stride, shape)
@@ -122,8 +121,8 @@ def _caught_after(
     q[:, 1] += position_offset_m * np.cos(heading)
     q[:, 3] += theta2_offset_rad
     result = experiment.run(initial=RobotState(q=q, q_rate=start.q_rate))
-    trajectory, swing = result.trajectory, scenario.robot.swing_length_m
-    miss = point_behind(trajectory.q, swing) - point_behind(trajectory.ref_q, swing)
+    trajectory, behind_m = result.trajectory, scenario.robot.swing_length_m
+    miss = point_behind(trajectory.q, behind_m) - point_behind(trajectory.ref_q, behind_m)
     outside = ~(np.hypot(miss[..., 0], miss[..., 1]) < CAUGHT_M)  # NaN is outside, too
     last = len(trajectory) - 1 - np.argmax(outside[::-1], axis=0)  # sample outside, if any is
     first_inside = np.where(outside.any(axis=0), last + 1, 0)

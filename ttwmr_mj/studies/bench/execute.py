@@ -11,19 +11,19 @@ from typing import Any
 from ttwmr_mj.files import write_json
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.bench.suite import Row, Suite, checked_scenarios, rows_of
+from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of
 from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD, Task, run_task
 
 Progress = Callable[[float], None]
 
 
-def row_folder(row: Row, folder: Path) -> Path:
+def row_folder(row: SuiteRow, folder: Path) -> Path:
     """Where in a bench folder a row's run is."""
     return folder / "runs" / row.key
 
 
-def stored_row(row: Row, folder: Path) -> dict[str, Any] | None:
+def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     """The row.json of a finished run of this row, by the very same command; None if there is none.
 
     Whether the code and the files are still those of that run, only `run_suite` asks.
@@ -64,14 +64,14 @@ def run_suite(
                 progress(float(done))
 
 
-def _task(row: Row, scenario: Scenario, folder: Path, timeout_s: float) -> Task:
+def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> Task:
     into = row_folder(row, folder)
     words = ["ttwmr", *row.arguments(into), "--quiet"]
     beside = find_scenario(row.scenario).parent
     return run_task(row.key, scenario, into, words, beside, timeout_s)
 
 
-def _write_row(row: Row, folder: Path, reason: str) -> None:
+def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
     """row.json of a run that is over: as its metrics say, failed if it was broken off."""
     into = row_folder(row, folder)
     into.mkdir(parents=True, exist_ok=True)
@@ -84,7 +84,7 @@ def _write_row(row: Row, folder: Path, reason: str) -> None:
     write_json(into / "row.json", {**_identity(row), "status": status, "reason": reason})
 
 
-def _rename_row(row: Row, folder: Path) -> None:
+def _rename_row(row: SuiteRow, folder: Path) -> None:
     """Let the row.json of a run that is used again say how the suite words it now."""
     path = row_folder(row, folder) / "row.json"
     stored = json.loads(path.read_text(encoding="utf-8"))
@@ -92,5 +92,5 @@ def _rename_row(row: Row, folder: Path) -> None:
         write_json(path, stored | _identity(row))
 
 
-def _identity(row: Row) -> dict[str, Any]:
+def _identity(row: SuiteRow) -> dict[str, Any]:
     return {**row.names, "seed": row.seed, "run": row.command()}

@@ -12,12 +12,13 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.metrics import Metrics, point_behind, score
+from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
-from ttwmr_mj.studies.bench.suite import AXES, Row, Suite, rows_of
+from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
 
 # column → (metric, scale, how seeds are combined)
 COLUMNS: dict[str, tuple[str, float, str]] = {
@@ -112,7 +113,7 @@ def _maker(folder: Path) -> str:
     return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
 
 
-def _scored(row: Row, folder: Path) -> dict[str, Any]:
+def _scored(row: SuiteRow, folder: Path) -> dict[str, Any]:
     """row.json with the row's numbers, and with a run that was lost called so."""
     where = row_folder(row, folder)
     found = stored_row(row, folder) or {}
@@ -141,7 +142,7 @@ def _numbers(folder: Path) -> Metrics:
     trajectory = read_parquet(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
     return {
-        **score(trajectory, robot),
+        **score(trajectory, robot)[0],
         LAST_CENTRE: _last_error(trajectory, robot.swing_length_m),
         LAST_P: _last_error(trajectory, 0.0),
         "control_time_per_sample_us": stored["control_time_per_sample_us"],

@@ -74,7 +74,7 @@ class Suite(Config):
 
 
 @dataclass(frozen=True, slots=True)
-class Row:
+class SuiteRow:
     """One run of a suite.
 
     Attributes:
@@ -120,8 +120,7 @@ def load_suite(name_or_path: str) -> Suite:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
     except ValidationError as error:
-        found = [fault_of(item, Suite) for item in error.errors()]
-        faults = [Fault(key=fault.keys, problem=fault.message) for fault in found]
+        faults = [fault_of(item, Suite) for item in error.errors()]
     if faults:
         raise InputError(*faults, file=str(path))
     tasks = {name: _placed(task, path.parent) for name, task in suite.task.items()}
@@ -177,13 +176,13 @@ def _unknown(key: Keys, given: Collection[str], allowed: list[str]) -> list[Faul
     ]
 
 
-def rows_of(suite: Suite) -> list[Row]:
+def rows_of(suite: Suite) -> list[SuiteRow]:
     """Every row, block by block, seeds innermost; what several blocks name is one row."""
     rows = {row.key: row for block in suite.block for row in _rows_of_block(suite, block)}
     return list(rows.values())
 
 
-def _rows_of_block(suite: Suite, block: Block) -> Iterator[Row]:
+def _rows_of_block(suite: Suite, block: Block) -> Iterator[SuiteRow]:
     axes = [getattr(suite, axis) for axis in AXES]
     picked = [getattr(block, axis) or list(getattr(suite, axis)) for axis in AXES]
     for names in itertools.product(*picked):
@@ -193,11 +192,11 @@ def _rows_of_block(suite: Suite, block: Block) -> Iterator[Row]:
         scenario = choices[AXES.index("task")].scenario or ""
         overrides = tuple(item for choice in choices for item in choice.overrides)
         for seed in block.seeds or suite.seeds:
-            yield Row(dict(zip(AXES, names, strict=True)), seed, scenario, overrides)
+            yield SuiteRow(dict(zip(AXES, names, strict=True)), seed, scenario, overrides)
 
 
-def checked_scenarios(rows: list[Row]) -> dict[str, Scenario]:
-    """Row's key → its resolved scenario, recording and figures left out.
+def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
+    """SuiteRow's key → its resolved scenario, recording and figures left out.
 
     Raises:
         InputError: some rows cannot run; with the faults of all of them.

@@ -23,9 +23,6 @@ column adds up to the total, exactly. A negative contribution works against the 
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,6 +33,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+from ttwmr_mj.studies.compare.replays import Progress, in_threads
 
 # The quantity's name, its columns of Deviation.q, its unit.
 QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
@@ -43,26 +41,24 @@ QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3],
 EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
 LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
 
-Progress = Callable[[float], None]
-
 
 @dataclass(frozen=True, slots=True)
-class Row:
-    """One line of the table, in the quantity's unit.
+class Contribution:
+    """One line of a table, in the quantity's unit.
 
     Attributes:
         name: of the effect, or "higher_interactions", "rest", "total".
         alone: switched on from the ideal; None where that means nothing.
         interaction: half of (removed − alone).
-        contribution: alone + interaction; these add up to the total.
-        share: contribution per total; None if the total is zero.
-        rms: of the contribution itself over time, whatever its direction.
+        size: alone + interaction; these add up to the total.
+        share: size per total; None if the total is zero.
+        rms: over time, whatever its direction.
     """
 
     name: str
     alone: float | None
     interaction: float | None
-    contribution: float
+    size: float
     share: float | None
     rms: float
 
@@ -73,11 +69,11 @@ class Attribution:
 
     Attributes:
         present: effects the scenario has; the others contribute nothing.
-        tables: quantity ("position", "theta1", "theta2") → rows, the total last.
+        tables: quantity ("position", "theta1", "theta2") → contributions, the total last.
     """
 
     present: tuple[str, ...]
-    tables: dict[str, tuple[Row, ...]]
+    tables: dict[str, tuple[Contribution, ...]]
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
@@ -88,7 +84,7 @@ class Attribution:
                 row.name: {
                     f"alone_{unit}": row.alone,
                     f"interaction_{unit}": row.interaction,
-                    f"contribution_{unit}": row.contribution,
+                    f"contribution_{unit}": row.size,
                     "share": row.share,
                     f"rms_{unit}": row.rms,
                 }
@@ -109,10 +105,10 @@ class Attribution:
                 "other directions: where small effects decide which way an unstable or spinning "
                 "trailer goes, they do not add up; look at a shorter time (--set duration_s=...)"
             )
-        gross = sum(abs(row.contribution) for row in effects)
+        gross = sum(abs(row.size) for row in effects)
         return (
             "the rest is large beside the total because effects cancel; it is "
-            f"{100 * abs(rest.contribution) / gross:.1f} % of their sum without signs"
+            f"{100 * abs(rest.size) / gross:.1f} % of their sum without signs"
         )
 
 
@@ -134,7 +130,13 @@ def attribute(
     for name in (e.name for e in present):
         below, above = needs[name], names - needed_by[name]
         sets += [below, below | {name}, above, above - {name}]
-    delta = _deviations(scenario, commands, set(sets), progress)
+
+    def deviation(variant: Scenario) -> FloatArray:
+        contact = replay_contact(variant, commands)
+        return Deviation.between(contact, replay_analytic(variant, commands)).q
+
+    variants = {on: with_effects(scenario, on) for on in sorted(set(sets), key=sorted)}
+    delta = dict(zip(variants, in_threads(deviation, [*variants.values()], progress), strict=True))
     contributions = {}
     measured = np.zeros_like(delta[names])
     for effect in present:
@@ -147,44 +149,26 @@ def attribute(
         measured += 0.5 * (removed + alone)
     higher = delta[names] - delta[frozenset()] - measured
     tables = {
-        quantity: _table(contributions, higher, delta[names], columns)
+        quantity: table(contributions, higher, delta[names], columns)
         for quantity, (columns, _) in QUANTITIES.items()
     }
     return Attribution(tuple(e.name for e in present), tables)
 
 
-def _deviations(
-    scenario: Scenario,
-    commands: FloatArray,
-    sets: Iterable[frozenset[str]],
-    progress: Progress | None,
-) -> dict[frozenset[str], FloatArray]:
-    """Effects on → δ (n, 4), every run once, the longest first."""
-    variants = {on: with_effects(scenario, on) for on in sets}
-    order = sorted(variants, key=lambda on: (variants[on].plant.contact.timestep_s, sorted(on)))
-    work = np.array([1.0 / variants[on].plant.contact.timestep_s for on in order])
-
-    def deviation(on: frozenset[str]) -> FloatArray:
-        variant = variants[on]
-        contact = replay_contact(variant, commands)
-        return Deviation.between(contact, replay_analytic(variant, commands)).q
-
-    found: dict[frozenset[str], FloatArray] = {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        for i, (on, q) in enumerate(zip(order, pool.map(deviation, order), strict=True)):
-            found[on] = q
-            if progress is not None:
-                progress(float(work[: i + 1].sum() / work.sum()))
-    return found
-
-
-def _table(
+def table(
     contributions: dict[str, tuple[FloatArray, FloatArray]],
     higher: FloatArray,
     total: FloatArray,
     columns: list[int],
-) -> tuple[Row, ...]:
-    """Rows of one quantity, given by its columns of δ (n, 4)."""
+) -> tuple[Contribution, ...]:
+    """The table of one quantity.
+
+    Args:
+        contributions: effect → alone and interaction over time, (n, 4) each.
+        higher: (n, 4) the higher interactions.
+        total: (n, 4) δ(all).
+        columns: of δ, that make the quantity.
+    """
     whole = total[:, columns]
     size = float(np.sqrt(np.mean((whole**2).sum(axis=1))))
 
@@ -194,11 +178,11 @@ def _table(
         along = float((part * whole).sum() / (whole**2).sum()) * size if size else 0.0
         return along, float(np.sqrt(np.mean((part**2).sum(axis=1))))
 
-    def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Row:
+    def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Contribution:
         along, own = measure(part)
         first = None if alone is None else measure(alone)[0]
         second = None if first is None else along - first
-        return Row(name, first, second, along, along / size if size else None, own)
+        return Contribution(name, first, second, along, along / size if size else None, own)
 
     rows = [row(name, a + i, a) for name, (a, i) in contributions.items()]
     explained = sum((a + i for a, i in contributions.values()), higher)

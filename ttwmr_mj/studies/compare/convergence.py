@@ -7,9 +7,6 @@ deviation falls, as (step)^p; what is left at a level is about (deviation of the
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,17 +17,16 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import IDEAL_STALL_TORQUE_N_M
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+from ttwmr_mj.studies.compare.replays import Progress, in_threads
 from ttwmr_mj.studies.compare.variant import changed
 
-LEVELS = 4
+LEVELS = 4  # 1, 1/2, 1/4, 1/8: the finest takes half of the time
 MEASURES = (
     "position_deviation_max_m",
     "position_deviation_per_path",
     "theta1_deviation_max_rad",
     "theta2_deviation_max_rad",
 )
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,16 +70,16 @@ def refined(scenario: Scenario, level: int) -> Scenario:
 def converge(
     scenario: Scenario,
     commands: FloatArray,
-    levels: int = LEVELS,
     progress: Progress | None = None,
+    levels: int = LEVELS,
 ) -> Convergence:
     """Run every level under one command history.
 
     Args:
         scenario: the coarsest level.
         commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        levels: how many, two at least.
         progress: called with the share of the work done.
+        levels: how many, two at least.
     """
     variants = [refined(scenario, level) for level in range(levels)]
     analytic = replay_analytic(scenario, commands)
@@ -91,13 +87,7 @@ def converge(
     def numbers(variant: Scenario) -> dict[str, float | None]:
         return Deviation.between(replay_contact(variant, commands), analytic).numbers()
 
-    found: list[dict[str, float | None]] = []
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        # the finest takes longest and goes first
-        for i, row in enumerate(pool.map(numbers, reversed(variants))):
-            found.insert(0, row)
-            if progress is not None:
-                progress(1.0 - (2.0 ** (levels - 1 - i) - 1.0) / (2.0**levels - 1.0))
+    found = in_threads(numbers, variants, progress)
     steps = np.array([variant.plant.contact.timestep_s for variant in variants])
     deviations = {name: np.array([row[name] for row in found], np.float64) for name in MEASURES}
     orders = {name: _order(steps, values) for name, values in deviations.items()}

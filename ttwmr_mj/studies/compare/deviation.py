@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ttwmr_mj.dynamics.kinematics import to_body
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
@@ -56,14 +57,12 @@ class Deviation:
     @property
     def along_m(self) -> FloatArray:
         """(n,) part of it along the analytic tractor's heading."""
-        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        return np.asarray(cos * self.q[:, 0] + sin * self.q[:, 1])
+        return to_body(self.heading_rad, self.q[:, 0], self.q[:, 1])[0]
 
     @property
     def aside_m(self) -> FloatArray:
         """(n,) part of it to the analytic tractor's left."""
-        cos, sin = np.cos(self.heading_rad), np.sin(self.heading_rad)
-        return np.asarray(cos * self.q[:, 1] - sin * self.q[:, 0])
+        return to_body(self.heading_rad, self.q[:, 0], self.q[:, 1])[1]
 
     @property
     def hitch_angle_rad(self) -> FloatArray:

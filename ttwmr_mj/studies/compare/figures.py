@@ -21,25 +21,21 @@ from ttwmr_mj.figures.style import (
     TRAILER,
 )
 from ttwmr_mj.results.curves import trailer_com
-from ttwmr_mj.studies.compare.effects import EFFECTS
+from ttwmr_mj.studies.compare.text import NAMES, SYMBOLS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ttwmr_mj.studies.compare.attribution import Attribution, Row
+    from ttwmr_mj.studies.compare.attribution import Attribution, Contribution
     from ttwmr_mj.studies.compare.convergence import Convergence
     from ttwmr_mj.studies.compare.fit.fit import Fit
-    from ttwmr_mj.studies.compare.study import Pair
+    from ttwmr_mj.studies.compare.pair import Pair
 
 SIZE_IN = (5.6, 3.4)
 TALL_SIZE_IN = (5.6, 4.6)
 WORTHWHILE = 5.0  # a fit should make deviations smaller by at least this factor (README's table)
-NAMES = {effect.name: effect.text for effect in EFFECTS} | {
-    "higher_interactions": "three and more together",
-    "rest": "unexplained rest",
-    "total": "total",
-}
+NOTHING = 5e-4  # share of the total that is shown as 0.0 %
 
 
 def write_compare_figures(
@@ -150,22 +146,21 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         bars = axes.barh(
             [NAMES[row.name] for row in rows],
             # a negative nothing would put its label on the names
-            [0.0 if _is_nothing(row) else 1e3 * row.contribution for row in rows],
+            [0.0 if _is_nothing(row) else 1e3 * row.size for row in rows],
             color=colours,
         )
         shares = [None if row.share is None else 100.0 * row.share for row in rows]
         labels = ["" if share is None else f"{round(share, 1) + 0.0:.1f} %" for share in shares]
         axes.bar_label(bars, labels, padding=3, fontsize=7.5)
         axes.axvline(0.0, color=INK, linewidth=0.8)
-        name = {"position": "P", "theta2": "θ2"}[quantity]
-        axes.set_title(f"rms deviation of {name} [{unit}]")
+        axes.set_title(f"rms deviation of {SYMBOLS[quantity]} [{unit}]")
         axes.margins(x=0.3)
         axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
 
 
-def _is_nothing(row: Row) -> bool:
-    return row.share is not None and abs(row.share) < 5e-4
+def _is_nothing(row: Contribution) -> bool:
+    return row.share is not None and abs(row.share) < NOTHING
 
 
 def _bar_colour(name: str) -> str:
@@ -211,7 +206,8 @@ def _draw_fit(figure: Figure, fit: Fit) -> None:
             place + offset, factors, 0.38, color=colour, label=f"{when} {gain.scenario}"
         )
         axes.bar_label(bars, [f"{factor:.0f}" for factor in factors], fontsize=7.5)
-    axes.axhline(WORTHWHILE, **REFERENCE | {"linewidth": 0.8})
+    worthwhile = f"{WORTHWHILE:g} ×: worth having"
+    axes.axhline(WORTHWHILE, label=worthwhile, **REFERENCE | {"linewidth": 0.8})
     axes.set_yscale("log")
     axes.set_xticks(place, list(names.values()))
     axes.set_ylabel("deviation of the plain model per\ndeviation of the fitted one")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError, shown
 from ttwmr_mj.scenario.faults import suggestion
 
 
@@ -39,20 +39,24 @@ def read_tolerances(path: Path, known: Collection[str]) -> dict[str, float]:
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"--tolerance {path}: cannot be read as TOML: {error}") from error
+        fault = Fault(key=("--tolerance",), problem=f"cannot be read as TOML: {error}")
+        raise InputError(fault, file=str(path)) from error
     if not data:
-        raise InputError(f"--tolerance {path}: holds no tolerance; allowed: {', '.join(known)}")
-    return {key: _number(path, key, value, known) for key, value in data.items()}
+        fault = Fault(key=("--tolerance",), problem="holds no tolerance", allowed=", ".join(known))
+        raise InputError(fault, file=str(path))
+    found = (_fault(key, value, known) for key, value in data.items())
+    if faults := [fault for fault in found if fault]:
+        raise InputError(*faults, file=str(path))
+    return {key: float(value) for key, value in data.items()}
 
 
-def _number(path: Path, key: str, value: Any, known: Collection[str]) -> float:
+def _fault(key: str, value: Any, known: Collection[str]) -> Fault | None:
     if key not in known:
-        hint = suggestion(key, list(known))
-        allowed = ", ".join(known)
-        raise InputError(f"--tolerance {path}: {key}: unknown key{hint}; allowed: {allowed}")
+        problem = f"unknown key{suggestion(key, list(known))}"
+        return Fault(key=(key,), problem=problem, allowed=", ".join(known))
     if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
-        raise InputError(f"--tolerance {path}: {key}: got {value!r}; allowed: a number, 0 or more")
-    return float(value)
+        return Fault(key=(key,), got=shown(value), allowed="a number, 0 or more")
+    return None
 
 
 def breaches(

@@ -11,11 +11,11 @@ from ttwmr_mj.errors import RunError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.rollout import WheelHistory, roll_out
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.run.build import initial_state, make_plant, sample_reference
-from ttwmr_mj.run.experiment import Experiment, Outcome
+from ttwmr_mj.run.experiment import Experiment
+from ttwmr_mj.run.loop import Outcome
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
@@ -64,14 +64,9 @@ def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:
     result = experiment.run()
     _check(result.outcomes[0], "contact physics")
     rows, start = result.trajectory, initial_state(scenario, experiment.reference)
-    physics = PhysicsRate.of(
-        plant,
-        start,
-        rows.wheel_speed_rad_s[0],
-        rows.wheel_command_rad_s[:-1, 0],
-        scenario.robot.servo,
+    return ContactRun(
+        scenario, start, rows, PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
     )
-    return ContactRun(scenario, start, rows, physics)
 
 
 def run_analytic(scenario: Scenario, folder: Path | None = None) -> Trajectory:
@@ -107,7 +102,7 @@ def replay(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory
     period = scenario.control.sampling_time_s
     plant.reset(initial_state(scenario, sample_reference(scenario), plant.nsim))
     rows = Trajectory.empty(period * np.arange(len(commands) + 1, dtype=np.float64), plant.nsim)
-    steps = scenario.steps_per_period
+    steps = round(period / plant.time_step_s)
     for k in range(len(commands) + 1):
         state = plant.state()
         rows.q[k], rows.q_rate[k] = state.q, state.q_rate
@@ -120,58 +115,21 @@ def replay(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory
 
 
 def follow_wheels(run: ContactRun) -> Trajectory:
-    """The analytic model driven by the wheels' real speeds, known at every physics step.
-
-    Dry friction in the hitch makes the model's swing non-smooth; then the wheel speeds are handed
-    to the analytic plant as if a perfect servo followed them.
-    """
-    physics, every, robot = run.physics, run.scenario.steps_per_period, run.robot
-    if robot.hitch.coulomb_friction_n_m:
-        q, q_rate = _follow_with_friction(run)
-    else:
-        q, q_rate = roll_out(robot, run.start, _mid_step_history(physics), 2 * every)
-    rows = Trajectory.empty(run.trajectory.time_s, nsim=1)
-    rows.q[:], rows.q_rate[:] = q, q_rate
-    rows.wheel_speed_rad_s[:, 0] = physics.wheel_speed_rad_s[::every]
-    rows.wheel_command_rad_s[:] = run.trajectory.wheel_command_rad_s
-    return rows
-
-
-def _mid_step_history(physics: PhysicsRate) -> WheelHistory:
-    """The wheel speeds on twice as fine a grid.
-
-    MuJoCo moves over a whole step at the speed of the step's end, which so is the speed of its
-    middle; between, at the steps' ends, the mean of two middles stands.
-    """
-    time, wheels = physics.time_s, physics.wheel_speed_rad_s
-    fine_time = np.linspace(time[0], time[-1], 2 * len(time) - 1)
-    fine = np.empty((fine_time.size, 1, 2))
-    fine[1::2, 0] = wheels[1:]
-    fine[2:-1:2, 0] = 0.5 * (wheels[1:-1] + wheels[2:])
-    fine[0], fine[-1] = wheels[0], wheels[-1]
-    return WheelHistory(fine_time[:, None], fine)
-
-
-def _follow_with_friction(run: ContactRun) -> tuple[FloatArray, FloatArray]:
-    """Rows of q and q_rate (n, 1, 4) by an analytic plant whose servos follow anything."""
-    robot = run.robot
-    swift = robot.servo.model_copy(
-        update={"speed_limit_rad_s": 1e3, "acceleration_limit_rad_s2": 1e5}
-    )
-    plant = AnalyticPlant(
-        robot.model_copy(update={"servo": swift}),
-        nsim=1,
-        time_step_s=run.scenario.plant.contact.timestep_s,
-        max_integration_step_s=run.scenario.plant.analytic.max_step_s,
-    )
+    """The analytic model driven by the wheels' real speeds, known at every physics step."""
+    period_s, every = run.scenario.control.sampling_time_s, run.scenario.steps_per_period
+    longest_s = run.scenario.plant.analytic.max_step_s
+    plant = AnalyticPlant(run.robot, 1, period_s, longest_s)
     plant.reset(run.start)
-    every = run.scenario.steps_per_period
-    states = [plant.state()]
-    for k, speed in enumerate(run.physics.wheel_speed_rad_s[1:], start=1):
-        plant.advance(speed[None], 1)
-        if k % every == 0:
-            states.append(plant.state())
-    return np.stack([s.q for s in states]), np.stack([s.q_rate for s in states])
+    rows = Trajectory.empty(run.trajectory.time_s, nsim=1)
+    rows.wheel_speed_rad_s[:, 0] = run.physics.wheel_speed_rad_s[::every]
+    rows.wheel_command_rad_s[:] = run.trajectory.wheel_command_rad_s
+    stretches, ends = run.physics.stretches(every)
+    for k, end in enumerate(ends):
+        if k:
+            plant.follow(stretches[k - 1], end[None])
+        state = plant.state()
+        rows.q[k], rows.q_rate[k] = state.q, state.q_rate
+    return rows
 
 
 def _check(outcome: Outcome, where: str) -> None:

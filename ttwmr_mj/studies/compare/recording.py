@@ -19,7 +19,7 @@ from ttwmr_mj.recording.series import Series, SeriesLog, time_column
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.run.build import sample_reference
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.study import Pair
+from ttwmr_mj.studies.compare.pair import Pair
 
 GHOST = "world/analytic"  # the analytic model's robot
 GHOST_RGBA = (0.35, 0.78, 0.51, 0.25)

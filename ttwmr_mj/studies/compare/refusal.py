@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -10,26 +11,36 @@ def refuse_unlike(scenario: Scenario) -> None:
     """Check that both plants mean the same thing by this scenario.
 
     Raises:
-        InputError: they do not; the message names every key.
+        InputError: they do not; every key is named.
     """
-    faults = []
     plant, hitch = scenario.plant, scenario.robot.hitch
+    faults = []
     if plant.pushes:
-        faults.append(
-            f"plant.pushes: got {len(plant.pushes)}; the analytic plant's tractor moves as told "
-            "and cannot be pushed: leave the pushes out"
+        fault = Fault(
+            key=("plant", "pushes"),
+            got=str(len(plant.pushes)),
+            problem="the analytic plant's tractor moves as told and cannot be pushed",
+            hint="leave the pushes out",
         )
+        faults.append(fault)
     if plant.contact.model_path is not None:
-        faults.append(
-            f"plant.contact.model_path: got {plant.contact.model_path!r}; the analytic plant knows "
-            "only a flat floor and the robot of this scenario: leave the key out"
+        fault = Fault(
+            key=("plant", "contact", "model_path"),
+            got=repr(plant.contact.model_path),
+            problem="the analytic plant knows only a flat floor and the robot of this scenario",
+            hint="leave the key out",
         )
+        faults.append(fault)
     elastic = hitch.stiffness_n_m_rad or hitch.damping_n_m_s_rad
     if plant.analytic.published_spring and elastic:
-        faults.append(
-            "plant.analytic.published_spring: got true; contact physics divides the hitch's torque "
-            "by J2 + m2·l² and not by k, so the two hitches differ by m2·l: set it to false"
+        fault = Fault(
+            key=("plant", "analytic", "published_spring"),
+            got="true",
+            problem="contact physics divides the hitch's torque by J2 + m2·l² and not by k, so "
+            "the two hitches differ by m2·l",
+            hint="set it to false",
         )
+        faults.append(fault)
+    faults += physics_step_faults(scenario)
     if faults:
-        lines = "\n".join(f"  {fault}" for fault in faults)
-        raise InputError(f"{scenario.name}: the two plants cannot be compared\n{lines}")
+        raise InputError(*faults, file=f"{scenario.name}, compared on both plants")

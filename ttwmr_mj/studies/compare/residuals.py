@@ -8,7 +8,8 @@ import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.kinematics import constraint_residual
+from ttwmr_mj.dynamics.hybrid import sideways
+from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
 from ttwmr_mj.dynamics.kinetics import kinetic_energy
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.plants.mjcf import CONTACTS
@@ -47,12 +48,11 @@ class Residuals:
         rows, robot, every = run.trajectory, run.robot, run.scenario.steps_per_period
         slip = read_contacts(rows.contact_readings[:, 0]).slip_m_s
         owner = [THETA2 if "trailer" in name else THETA1 for name in CONTACTS]
-        heading = rows.q[:, 0][:, owner]
-        cos, sin = np.cos(heading), np.sin(heading)
+        along, aside = to_body(rows.q[:, 0][:, owner], slip[..., 0], slip[..., 1])
         return cls(
             time_s=rows.time_s,
-            slip_along_m_s=cos * slip[..., 0] + sin * slip[..., 1],
-            slip_aside_m_s=cos * slip[..., 1] - sin * slip[..., 0],
+            slip_along_m_s=along,
+            slip_aside_m_s=aside,
             lateral_speed_m_s=constraint_residual(rows.q[:, 0], rows.q_rate[:, 0]),
             trailer_torque_n_m=_trailer_torque(run, robot, every),
             energy_lost_j=_energy_lost(run, robot)[::every],
@@ -82,8 +82,8 @@ def _trailer_torque(run: ContactRun, robot: RobotParameters, every: int) -> Floa
     theta2 = 0.5 * (q[1:, THETA2] + q[:-1, THETA2])
     tail = robot.trailer.mass_kg * robot.trailer.com_offset_m
     swing = robot.swing_inertia_kg_m2 * acceleration[:, THETA2]
-    pull = acceleration[:, 0] * np.sin(theta2) - acceleration[:, 1] * np.cos(theta2)
-    torque = swing + tail * pull - _hitch_torque(run, robot)
+    pull = tail * sideways(theta2, acceleration[:, 0], acceleration[:, 1])
+    torque = swing - pull - _hitch_torque(run, robot)
     per_period = torque.reshape(-1, every).mean(axis=1)
     return np.concatenate([[0.0], per_period])
 

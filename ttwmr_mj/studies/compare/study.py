@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
-
-import numpy as np
+from typing import Any
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
-from ttwmr_mj.plants.mjcf import CONTACTS
-from ttwmr_mj.results.trajectory import Trajectory, to_table
 from ttwmr_mj.run.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.compare import attribution, convergence, gate
-from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
-from ttwmr_mj.studies.compare.fit import fit
-from ttwmr_mj.studies.compare.motion import (
-    ContactRun,
-    follow_wheels,
-    replay_analytic,
-    run_analytic,
-    run_contact,
-)
+from ttwmr_mj.studies.compare.attribution import Attribution, attribute
+from ttwmr_mj.studies.compare.convergence import Convergence, converge
+from ttwmr_mj.studies.compare.fit.fit import Fit, fit
+from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
+from ttwmr_mj.studies.compare.motion import run_contact
+from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
-from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.replays import Progress
 
 SCHEMA_VERSION = 1
-UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on, the first that is another one
-
-Progress = Callable[[float], None]
+UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +43,7 @@ class Options:
         recording, figures: leave run.rrd and figures/.
     """
 
-    mode: Literal["open_loop", "closed_loop"] = "open_loop"
+    mode: Mode = "open_loop"
     real_wheels: bool = False
     attribute: bool = True
     converge: bool = False
@@ -75,53 +66,16 @@ class Comparison:
 
     folder: Path
     report: dict[str, Any]
-    breaches: tuple[gate.Breach, ...]
+    breaches: tuple[Breach, ...]
 
 
 @dataclass(frozen=True, slots=True)
-class Pair:
-    """The two runs that are compared, and what follows from them alone."""
+class _Findings:
+    """What was studied beyond the two runs; None: it was not asked for."""
 
-    contact: ContactRun
-    analytic: Trajectory
-    deviation: Deviation
-    residuals: Residuals
-
-    @property
-    def numbers(self) -> Numbers:
-        """All numbers a tolerance may be given for."""
-        return {**self.deviation.numbers(), **self.residuals.numbers()}
-
-
-def run_pair(
-    scenario: Scenario,
-    mode: Literal["open_loop", "closed_loop"] = "open_loop",
-    *,
-    real_wheels: bool = False,
-    scenario_folder: Path | None = None,
-) -> Pair:
-    """Run a scenario on both plants.
-
-    Args:
-        scenario: its plant.kind does not matter.
-        mode: as in `Options`.
-        real_wheels: as in `Options`.
-        scenario_folder: where a custom controller is looked for first.
-
-    Raises:
-        InputError: the plants cannot mean the same thing.
-        RunError: a run broke.
-    """
-    refuse_unlike(scenario)
-    contact = run_contact(scenario, scenario_folder)
-    if mode == "closed_loop":
-        analytic = run_analytic(scenario, scenario_folder)
-    elif real_wheels:
-        analytic = follow_wheels(contact)
-    else:
-        analytic = replay_analytic(scenario, contact.commands)
-    deviation = Deviation.between(contact.trajectory, analytic)
-    return Pair(contact, analytic, deviation, Residuals.of(contact))
+    attribution: Attribution | None
+    convergence: Convergence | None
+    fit: Fit | None
 
 
 def compare_scenario(
@@ -152,23 +106,45 @@ def compare_scenario(
     unseen = _unseen(scenario, options) if options.fit else None
     tolerances = {}
     if options.tolerance:
-        tolerances = gate.read_tolerances(options.tolerance, known_numbers())
+        tolerances = read_tolerances(options.tolerance, known_numbers())
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
     pair = run_pair(
         scenario, options.mode, real_wheels=options.real_wheels, scenario_folder=scenario_folder
     )
-    found = gate.breaches(tolerances, pair.numbers)
-    parts = _Parts(progress, options.attribute + options.converge + options.fit)
+    findings = _study(scenario, pair, unseen, options, progress)
+    exceeded = breaches(tolerances, pair.numbers)
+    report = _report(scenario, pair, findings, options, exceeded)
+    _write(folder, pair, findings, report, options)
+    return Comparison(folder, report, exceeded)
+
+
+def _study(
+    scenario: Scenario,
+    pair: Pair,
+    unseen: Scenario | None,
+    options: Options,
+    progress: Progress | None,
+) -> _Findings:
+    parts = _parts(progress, options.attribute + options.converge + options.fit)
     commands = pair.contact.commands
-    table = attribution.attribute(scenario, commands, parts.next()) if options.attribute else None
-    orders = (
-        convergence.converge(scenario, commands, progress=parts.next())
-        if options.converge
-        else None
+    return _Findings(
+        attribution=attribute(scenario, commands, next(parts)) if options.attribute else None,
+        convergence=converge(scenario, commands, next(parts)) if options.converge else None,
+        fit=fit(pair.contact, run_contact(unseen), next(parts)) if unseen else None,
     )
-    fitted = fit.fit(pair.contact, run_contact(unseen), parts.next()) if unseen else None
-    report = {
+
+
+def _report(
+    scenario: Scenario,
+    pair: Pair,
+    findings: _Findings,
+    options: Options,
+    exceeded: tuple[Breach, ...],
+) -> dict[str, Any]:
+    """The content of compare.json."""
+    attribution, convergence, fitted = findings.attribution, findings.convergence, findings.fit
+    return {
         "schema_version": SCHEMA_VERSION,
         "scenario": scenario.name,
         "seed": scenario.seed,
@@ -177,43 +153,51 @@ def compare_scenario(
         **pair.deviation.numbers(),
         "first_exceeded": pair.deviation.times(),
         **pair.residuals.numbers(),
-        "attribution": table.as_json() if table else None,
-        "convergence": orders.as_json() if orders else None,
+        "attribution": attribution.as_json() if attribution else None,
+        "convergence": convergence.as_json() if convergence else None,
         "fit": fitted.as_json() if fitted else None,
-        "exceeded": [str(breach) for breach in found],
+        "exceeded": [str(breach) for breach in exceeded],
     }
+
+
+def _write(
+    folder: Path, pair: Pair, findings: _Findings, report: dict[str, Any], options: Options
+) -> None:
     write_json(folder / "compare.json", report)
-    write_parquet(to_table(pair.contact.trajectory), folder / "contact.parquet")
-    write_parquet(to_table(pair.analytic), folder / "analytic.parquet")
-    if fitted:
-        write_text(folder / "fitted.toml", fitted.as_toml())
+    write_parquet(pair.contact.trajectory.to_table(), folder / "contact.parquet")
+    write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
+    if findings.fit:
+        write_text(folder / "fitted.toml", findings.fit.as_toml())
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
-        write_compare_figures(pair, folder / "figures", scenario.name, table, orders, fitted)
+        write_compare_figures(
+            pair,
+            folder / "figures",
+            report["scenario"],
+            findings.attribution,
+            findings.convergence,
+            findings.fit,
+        )
     if options.recording:
         from ttwmr_mj.studies.compare.recording import record_comparison
         from ttwmr_mj.studies.compare.text import markdown
 
         record_comparison(pair, folder / "run.rrd", markdown(report))
-    return Comparison(folder, report, found)
-
-
-def known_numbers() -> list[str]:
-    """The keys a tolerance may be given for, before anything has run."""
-    zero, contacts = np.zeros(1), np.zeros((1, len(CONTACTS)))
-    deviation = Deviation(zero, np.zeros((1, 4)), zero, zero)
-    return [*deviation.numbers(), *Residuals(zero, contacts, contacts, zero, zero, zero).numbers()]
 
 
 def _refuse_contradictions(options: Options) -> None:
     if options.real_wheels and options.mode == "closed_loop":
-        raise InputError(
-            "--real-wheels: drives the analytic model in the open loop; with --mode closed_loop "
-            "its own controller does: leave one of them out"
+        raise InputError.at(
+            "--real-wheels",
+            "drives the analytic model in the open loop; with --mode closed_loop its own "
+            "controller does",
+            hint="leave one of them out",
         )
     if options.validate_on and not options.fit:
-        raise InputError(f"--validate-on {options.validate_on}: there is no fit: add --fit")
+        raise InputError.at(
+            "--validate-on", "there is no fit", got=options.validate_on, hint="add --fit"
+        )
 
 
 def _driver(options: Options) -> str:
@@ -227,9 +211,11 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     name = options.validate_on or next(name for name in UNSEEN if name != scenario.name)
     other = load_scenario(name)
     if other.name == scenario.name:
-        raise InputError(
-            f"--validate-on {name}: the fit is made on {scenario.name}, a validation needs a "
-            "scenario that it does not see: name another"
+        raise InputError.at(
+            "--validate-on",
+            f"the fit is made on {scenario.name}; it is validated on a scenario it does not see",
+            got=name,
+            hint="name another one",
         )
     refuse_unlike(other)
     return other.model_copy(
@@ -237,16 +223,11 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     )
 
 
-class _Parts:
-    """Splits one progress bar evenly over several pieces of work."""
+def _parts(progress: Progress | None, count: int) -> Iterator[Progress | None]:
+    """One progress bar, split evenly over several pieces of work."""
 
-    def __init__(self, progress: Progress | None, count: int) -> None:
-        self._progress, self._count, self._started = progress, count, -1
+    def part(begin: int, share: float) -> None:
+        if progress is not None:
+            progress((begin + share) / count)
 
-    def next(self) -> Progress | None:
-        """The progress function of the next piece."""
-        self._started += 1
-        begin, progress, count = self._started, self._progress, self._count
-        if progress is None:
-            return None
-        return lambda share: progress((begin + share) / count)
+    return (partial(part, begin) for begin in range(count))

@@ -23,6 +23,7 @@ NAMES = {effect.name: effect.text for effect in EFFECTS} | {
     "rest": "unexplained rest",
     "total": "total (rms)",
 }
+SYMBOLS = {"position": "P", "theta2": "θ2"}  # the quantities that are explained
 SCALES = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 
 
@@ -44,8 +45,6 @@ def attribution_rows(report: dict[str, Any], quantity: str) -> list[tuple[str, s
 
     rows = []
     for name, row in report["attribution"][quantity].items():
-        if name == "present":
-            continue
         share = "" if row["share"] is None else f"{round(100 * row['share'], 1) + 0.0:.1f} %"
         rows.append(
             (
@@ -66,8 +65,8 @@ def plain(report: dict[str, Any]) -> str:
     """The report for a terminal."""
     lines = [f"{label:42s} {value}" for label, value in summary_rows(report)]
     if report["attribution"]:
-        for quantity in ("position", "theta2"):
-            lines += ["", f"where the deviation of {quantity} comes from"]
+        for quantity, symbol in SYMBOLS.items():
+            lines += ["", f"where the deviation of {symbol} comes from"]
             for row in (HEAD, *attribution_rows(report, quantity)):
                 lines.append(
                     f"  {row[0]:34s} {row[1]:>9s} {row[2]:>12s} {row[3]:>15s} {row[4]:>9s}"
@@ -76,14 +75,13 @@ def plain(report: dict[str, Any]) -> str:
     if report["convergence"]:
         orders = report["convergence"]["order"]
         finest = report["convergence"]["position_deviation_per_path"][-1]
-        lines += [
-            "",
-            f"{'order of convergence of P':42s} {_number(orders['position_deviation_max_m'])}",
-        ]
-        lines += [
-            f"{'order of convergence of θ2':42s} {_number(orders['theta2_deviation_max_rad'])}"
-        ]
-        lines += [f"{'P per path at the finest level':42s} {_number(finest)}"]
+        lines += [""]
+        for label, value in (
+            ("order of convergence of P", orders["position_deviation_max_m"]),
+            ("order of convergence of θ2", orders["theta2_deviation_max_rad"]),
+            ("P per path at the finest level", finest),
+        ):
+            lines.append(f"{label:42s} {'undefined' if value is None else f'{value:.4g}'}")
     if report["fit"]:
         lines += ["", "fitted parameters, with their 95 % intervals"]
         for name, e in report["fit"]["parameters"].items():
@@ -105,8 +103,8 @@ def markdown(report: dict[str, Any]) -> str:
         *_table(("", ""), summary_rows(report)),
     ]
     if report["attribution"]:
-        for quantity in ("position", "theta2"):
-            lines += ["", f"Where the deviation of {quantity} comes from", ""]
+        for quantity, symbol in SYMBOLS.items():
+            lines += ["", f"Where the deviation of {symbol} comes from", ""]
             lines += _table(HEAD, attribution_rows(report, quantity))
             lines += ["", *_note(report, quantity)]
     return "\n".join(lines) + "\n"
@@ -115,10 +113,6 @@ def markdown(report: dict[str, Any]) -> str:
 def _note(report: dict[str, Any], quantity: str) -> list[str]:
     note = report["attribution"]["notes"].get(quantity)
     return [f"  {note}"] if note else []
-
-
-def _number(value: float | None) -> str:
-    return "undefined" if value is None else f"{value:.4g}"
 
 
 def _table(head: tuple[str, ...], rows: list[Any]) -> list[str]:

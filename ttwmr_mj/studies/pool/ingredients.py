@@ -16,8 +16,10 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ttwmr_mj.assets import models_folder
+from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.run.folder import library_version
-from ttwmr_mj.scenario.schema import CustomController, Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.code import (
     NAME,
     PACKAGE,
@@ -89,7 +91,7 @@ def data_files(scenario: Scenario) -> Iterator[Path]:
     calibration = getattr(sensing, "calibration_path", None)
     if calibration is not None:
         yield Path(calibration).resolve()
-    if reference.kind == "planned":
+    if isinstance(reference, Planned):
         shipped = PACKAGE / "references" / "data" / f"{reference.plan}.csv"
         yield Path(reference.plan).resolve() if reference.plan.endswith(".csv") else shipped
     if scenario.plant.kind == "contact" or sensing.kind == "camera":
@@ -119,7 +121,7 @@ def _code_of_run(scenario: Scenario, folder: Path) -> dict[str, str]:
     sections = {room: getattr(scenario, section) for room, section in ROOMS.items()}
     entries = [ENTRY, *(f"{NAME}.{room}.{section.kind}" for room, section in sections.items())]
     entries += [type(section).__module__ for section in sections.values()]
-    if isinstance(scenario.controller, CustomController):
+    if isinstance(scenario.controller, CustomOptions):
         entries.append(scenario.controller.target.partition(":")[0])
     own = [module for module in entries if module.split(".")[0] != NAME]
     sources = _own_sources(own[0], folder) if own else Sources()

@@ -5,18 +5,30 @@ from __future__ import annotations
 import json
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
-from ttwmr_mj.results.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.results.trajectory import Trajectory, read_parquet
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
+from ttwmr_mj.studies.reproduce.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.studies.reproduce.runs import RUNS
+
+
+class Needs(Protocol):
+    """What is shown or judged from runs and studies."""
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Names of runs."""
+
+    @property
+    def studies(self) -> tuple[str, ...]:
+        """Names of studies."""
 
 
 class Evidence:
@@ -58,6 +70,15 @@ class Evidence:
             raise TypeError(f"{run} has no Lyapunov function: its law is {controller.kind}")
         return lyapunov_log(self.trajectory(run), controller)
 
+    def recording(self, run: str) -> str | None:
+        """A run's recording, relative to the folder; None if there is none."""
+        path = f"runs/{run}/run.rrd"
+        return path if (self.out / path).is_file() else None
+
+    def lacking(self, part: Needs) -> list[str]:
+        """The runs and studies of a claim or a figure that could not be done."""
+        return [name for name in (*part.runs, *part.studies) if name in self.failures]
+
     def robot(self, run: str) -> RobotParameters:
         """The run's robot."""
         return self.scenario(run).robot
@@ -68,6 +89,10 @@ class Evidence:
         number = metrics[metric]
         return float(number) if metrics["status"] == "ok" and number is not None else float("inf")
 
+    def worst(self, runs: tuple[str, ...], metric: str) -> float:
+        """The largest value of a metric among runs."""
+        return max(self.value(run, metric) for run in runs)
+
     def hitch_angle(self, run: str) -> FloatArray:
         """(n,) θ2 − θ1 of a run [rad]."""
         q = self.trajectory(run).q[:, 0]
@@ -75,9 +100,13 @@ class Evidence:
 
     def hitch_swing(self, run: str) -> float:
         """Peak to peak of the hitch angle over the second half of a run [rad]."""
-        angle = self.hitch_angle(run)
-        return float(np.ptp(angle[angle.size // 2 :]))
+        return float(np.ptp(second_half(self.hitch_angle(run))))
 
     def sees_with_camera(self, *runs: str) -> bool:
         """Whether all these runs had a camera in the loop."""
         return all(str(self.scenario(run).sensing.kind) == "camera" for run in runs)
+
+
+def second_half(values: np.ndarray) -> np.ndarray:
+    """The rows of the second half of a run, when it has settled if it ever does."""
+    return values[len(values) // 2 :]

@@ -13,8 +13,6 @@ from ttwmr_mj.studies.pool.task import PRELOAD, Task, run_task
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
-LIBRARIES = ("numpy", "scipy", "sympy")  # of the studies
-
 
 def run_folder(out: Path, name: str) -> Path:
     """Folder of a run."""
@@ -71,7 +69,8 @@ def _run_task(out: Path, name: str) -> Task:
 
 def _study_task(out: Path, name: str) -> Task:
     study, path = STUDIES[name], study_file(out, name)
-    made_of = made_of_study(getattr(study, "func", study).__module__, LIBRARIES)
+    libraries = ("sympy",) if name == "proofs" else ("numpy", "scipy")
+    made_of = made_of_study(getattr(study, "func", study).__module__, libraries)
     return Task(
         Job(name, do_study, (name, path.resolve())), made_of, path.with_suffix(".made_of.json")
     )

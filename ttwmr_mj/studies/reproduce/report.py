@@ -11,7 +11,6 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import MachineError
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.run.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.reproduce import friction
@@ -40,7 +39,10 @@ def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Pat
             "statement": CLAIMS[name].statement,
             "rule": CLAIMS[name].rule,
             **asdict(judgement),
-            "runs": [_run_link(evidence, run) for run in CLAIMS[name].runs],
+            "runs": [
+                {"run": run, "folder": f"runs/{run}", "recording": evidence.recording(run)}
+                for run in CLAIMS[name].runs
+            ],
             "studies": list(CLAIMS[name].studies),
         }
         for name, judgement in judgements.items()
@@ -59,11 +61,9 @@ def write_report(
         drawn: names of the figures to show, as SVG files under figures/.
         path: the file.
     """
-    try:
-        from jinja2 import Environment, StrictUndefined
-        from markupsafe import Markup, escape
-    except ImportError as error:
-        raise MachineError("the report needs jinja2: pip install jinja2") from error
+    from jinja2 import Environment, StrictUndefined
+    from markupsafe import Markup, escape
+
     template = (resources.files(__package__) / "report.html.j2").read_text(encoding="utf-8")
     environment = Environment(
         autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -74,12 +74,14 @@ def write_report(
     )
     page = environment.from_string(template).render(
         counts=Counter(judgement.verdict for judgement in judgements.values()),
-        claims=[_claim(evidence, name, judgement) for name, judgement in judgements.items()],
+        claims=[(CLAIMS[name], judgement) for name, judgement in judgements.items()],
         figures=[_figure(evidence, name) for name in drawn],
         errata=_errata(evidence) if judgements else [],
-        largest_load_mn_m=1e3 * friction.largest_load_n_m(evidence),
+        largest_load_n_m=friction.largest_load_n_m(evidence),
         balances=_balances(evidence) if judgements else [],
         runs=[_run(evidence, name) for name in _used(drawn, judgements)],
+        recording=evidence.recording,
+        mm=mm,
         versions={"ttwmr-mj": library_version("ttwmr-mj"), **_libraries()},
         commit=git_commit(),
     )
@@ -96,86 +98,37 @@ def _used(drawn: list[str], judgements: dict[str, Judgement]) -> list[str]:
     return [name for name in RUNS if name in set(names)]
 
 
-def _claim(evidence: Evidence, name: str, judgement: Judgement) -> dict[str, Any]:
-    claim = CLAIMS[name]
-    return {
-        "name": name,
-        "source": claim.source,
-        "statement": claim.statement,
-        "rule": claim.rule,
-        "verdict": judgement.verdict,
-        "css": judgement.verdict.replace(" ", "-"),
-        "finding": judgement.finding,
-        "numbers": [
-            (key, "undefined" if value is None else f"{value:.4g}")
-            for key, value in judgement.numbers.items()
-        ],
-        "links": [_run_link(evidence, run) for run in claim.runs],
-        "studies": [(study, f"studies/{study}.json") for study in claim.studies],
-    }
-
-
-def _run_link(evidence: Evidence, run: str) -> dict[str, str | None]:
-    """A run's name, its folder and its recording, relative to the report."""
-    recording = f"runs/{run}/run.rrd"
-    there = (evidence.out / recording).is_file()
-    return {"run": run, "folder": f"runs/{run}", "recording": recording if there else None}
-
-
 def _figure(evidence: Evidence, name: str) -> dict[str, Any]:
-    figure = FIGURES[name]
-    lacking = [n for n in (*figure.runs, *figure.studies) if n in evidence.failures]
-    drawing = evidence.out / "figures" / f"{name}.svg"
-    note = None
-    if figure.of_experiment and not evidence.sees_with_camera(*figure.runs):
-        note = NO_CAMERA
+    """What the template cannot see in a figure itself."""
+    figure, drawing = FIGURES[name], evidence.out / "figures" / f"{name}.svg"
+    lacking = evidence.lacking(figure)
+    unseen = figure.of_experiment and not evidence.sees_with_camera(*figure.runs)
     return {
-        "name": name,
-        "title": figure.title,
-        "reported": figure.reported,
+        "figure": figure,
         "found": f"Not run: {', '.join(lacking)}." if lacking else figure.found(evidence),
-        "note": note,
+        "note": NO_CAMERA if unseen else None,
         "svg": None if lacking else base64.b64encode(drawing.read_bytes()).decode("ascii"),
-        "links": [_run_link(evidence, run) for run in figure.runs],
     }
 
 
 def _errata(evidence: Evidence) -> list[dict[str, Any]]:
+    """Every erratum with its proof, or why there is none."""
     missing = evidence.failures.get("proofs")
     proofs = {} if missing else evidence.study("proofs")
     return [
-        {
-            **asdict(erratum),
-            "proved": proofs[erratum.proof]["proved"] if proofs else None,
-            "formulas": proofs[erratum.proof]["formulas"] if proofs else [],
-            "missing": missing,
-        }
+        {"erratum": erratum, "proof": proofs.get(erratum.proof), "missing": missing}
         for erratum in ERRATA
     ]
 
 
-def _balances(evidence: Evidence) -> list[dict[str, str]]:
-    if any(run in evidence.failures for run in friction.SWEEP):
-        return []
-    return [
-        {
-            "run": row.run,
-            "friction": f"{1e3 * row.friction_n_m:g}",
-            "angle": f"{row.hitch_angle_rad:.3f}",
-            "swing": f"{row.swing_rad:.3f}",
-            "load": f"{1e3 * row.load_n_m:.3f}",
-            "stands": "yes" if row.stands else "no",
-            "balanced": ("yes" if row.balanced else "no") if row.stands else "not at rest",
-            "trailer": mm(row.trailer_error_m),
-        }
-        for row in friction.balances(evidence)
-    ]
+def _balances(evidence: Evidence) -> list[friction.Balance]:
+    lacking = any(run in evidence.failures for run in friction.SWEEP)
+    return [] if lacking else friction.balances(evidence)
 
 
-def _run(evidence: Evidence, name: str) -> dict[str, Any]:
+def _run(evidence: Evidence, name: str) -> dict[str, str]:
     status = "not run" if name in evidence.failures else evidence.metrics(name)["status"]
-    command = shlex.join(RUNS[name].command())
-    return {**_run_link(evidence, name), "command": command, "status": status}
+    return {"name": name, "command": shlex.join(RUNS[name].command()), "status": status}
 
 
 def report_name(only: list[str]) -> str:

@@ -6,7 +6,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import itertools
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -59,102 +61,101 @@ class RunSpec:
         return ["ttwmr", "run", self.base, *told]
 
 
+PLANTS = ("analytic", "contact")
+GAMMAS = ("constant", "exact", "regularized")
+LIMITS: dict[str, tuple[str, ...]] = {
+    "unlimited": (),
+    "limit-10": ("controller.gamma_limit=10.0", "controller.anti_windup=conditional"),
+    "limit-1": ("controller.gamma_limit=1.0", "controller.anti_windup=conditional"),
+}
+REFERENCES = {"aligned": ("reference.theta2=aligned",), "outward": ("reference.theta2=outward",)}
+
+ALIGNED = REFERENCES["aligned"]
 FREE = ("robot.hitch.damping_n_m_s_rad=0.0",)
 ANALYTIC = ("plant.kind=analytic",)
 CONTACT = ("plant.kind=contact",)
 PRINTED = ("controller.singular_terms=published",)
 FAST = ("robot.servo.preset=fast",)
-ALIGNED, OUTWARD = ("reference.theta2=aligned",), ("reference.theta2=outward",)
 PID = ("controller.kind=lyapunov_pid",)
 EXACT = ("controller.gamma=exact",)
-PLANTS = {"analytic": ANALYTIC, "contact": CONTACT}
+
+
+def on_both(stem: str) -> tuple[str, ...]:
+    """Names of a run on the analytic model and on contact physics."""
+    return tuple(f"{stem}-{plant}" for plant in PLANTS)
+
+
+def choices(
+    gammas: Iterable[str] = GAMMAS,
+    limits: Iterable[str] = LIMITS,
+    references: Iterable[str] = REFERENCES,
+) -> tuple[str, ...]:
+    """Names of the runs that try what the article leaves open about γ, and θ2's reference."""
+    return tuple("-".join(["choice", *of]) for of in itertools.product(gammas, limits, references))
+
+
+def friction_run(friction_n_m: float) -> str:
+    """Name of a run of the friction sweep."""
+    return f"friction-{friction_n_m * 1e6:.0f}-unm"
+
+
+def _run(name: str, base: str, *changes: tuple[str, ...], recording: bool = True) -> RunSpec:
+    return RunSpec(name, base, tuple(itertools.chain(*changes)), recording)
 
 
 def _spring(value: float) -> tuple[str, ...]:
-    return (
-        f"robot.hitch.stiffness_n_m_rad={value}",
-        f"robot.hitch.damping_n_m_s_rad={value}",
-    )
+    return tuple(f"robot.hitch.{key}={value}" for key in ("stiffness_n_m_rad", "damping_n_m_s_rad"))
 
 
-def _simulated_circle() -> list[RunSpec]:
+def _simulated_circle() -> Iterator[RunSpec]:
     """Figs. 3-6: Eq. 37 from Table II's start, free hitch, then spring and damper at P."""
-    runs = []
-    for terms, told in (("omitted", ()), ("published", PRINTED)):
-        for plant, kind in PLANTS.items():
-            runs.append(
-                RunSpec(f"law32-{terms}-{plant}", "sim_circle", kind + FREE + ALIGNED + told)
-            )
     # divided by k as printed, 200/k is 1268 1/s: the analytic plant is stable below 2 ms
-    printed = ("plant.analytic.published_spring=true", "plant.analytic.max_step_s=0.0018")
-    for terms, told in (("omitted", ()), ("published", PRINTED)):
-        runs += [
-            RunSpec(
-                f"spring-printed-{terms}-analytic",
-                "sim_circle",
-                ANALYTIC + _spring(200.0) + printed + ALIGNED + told,
-            ),
-            RunSpec(
-                f"spring-printed-{terms}-contact",
-                "sim_circle",
-                CONTACT + _spring(PRINTED_AS_TORQUE) + ALIGNED + told,
-            ),
-        ]
-    runs.append(RunSpec("spring-divided-contact", "sim_circle", CONTACT + _spring(200.0) + ALIGNED))
-    return runs
+    divided = ("plant.analytic.published_spring=true", "plant.analytic.max_step_s=0.0018")
+    hitches: dict[str, dict[str, tuple[str, ...]]] = {
+        "law32": dict.fromkeys(PLANTS, FREE),
+        "spring-printed": {
+            "analytic": (*_spring(200.0), *divided),
+            "contact": _spring(PRINTED_AS_TORQUE),
+        },
+    }
+    for stem, hitch in hitches.items():
+        for terms, told in (("omitted", ()), ("published", PRINTED)):
+            for plant in PLANTS:
+                circle = (f"plant.kind={plant}", *hitch[plant], *ALIGNED, *told)
+                yield _run(f"{stem}-{terms}-{plant}", "sim_circle", circle)
+    yield _run("spring-divided-contact", "sim_circle", CONTACT, _spring(200.0), ALIGNED)
 
 
-def _simulated_lab() -> list[RunSpec]:
+def _simulated_lab() -> Iterator[RunSpec]:
     """Figs. 7-8: Eq. 72-73 under the Lyapunov-PID laws, free hitch, a servo that keeps up.
 
     "printed" has e²/ė, "constant" and "exact" are without: the kinder reading of law (70) and (47).
     """
-    runs = []
-    for plant, kind in PLANTS.items():
-        for theta2, reference in (("aligned", ALIGNED), ("outward", OUTWARD)):
-            runs.append(
-                RunSpec(
-                    f"pid-constant-{theta2}-{plant}",
-                    "lab_circle",
-                    kind + FREE + FAST + reference + PID,
-                )
-            )
-        runs.append(
-            RunSpec(
-                f"pid-exact-aligned-{plant}",
-                "lab_circle",
-                kind + FREE + FAST + ALIGNED + PID + EXACT,
-            )
-        )
-        runs += [
-            RunSpec(
-                f"pid-printed-aligned-{plant}",
-                "lab_circle",
-                kind + FREE + FAST + ALIGNED + PID + PRINTED,
-            ),
-            RunSpec(f"pid-without-{plant}", "lab_circle", kind + FREE + FAST + ALIGNED),
-        ]
-    virtual = (*PID, *EXACT, "controller.correction=spring_damper")
-    runs.append(
-        RunSpec("virtual-spring-analytic", "lab_circle", ANALYTIC + FREE + FAST + ALIGNED + virtual)
-    )
-    return runs
+    for plant in PLANTS:
+        on_plant = (f"plant.kind={plant}", *FREE, *FAST)
+        aligned = (*on_plant, *ALIGNED)
+        for theta2, reference in REFERENCES.items():
+            name = f"pid-constant-{theta2}-{plant}"
+            yield _run(name, "lab_circle", on_plant, reference, PID)
+        yield _run(f"pid-exact-aligned-{plant}", "lab_circle", aligned, PID, EXACT)
+        yield _run(f"pid-printed-aligned-{plant}", "lab_circle", aligned, PID, PRINTED)
+        yield _run(f"pid-without-{plant}", "lab_circle", aligned)
+    virtual = (*ANALYTIC, *PID, *EXACT, "controller.correction=spring_damper")
+    yield _run("virtual-spring-analytic", "lab_circle", FREE, FAST, ALIGNED, virtual)
 
 
-def _laboratory() -> list[RunSpec]:
+def _laboratory() -> Iterator[RunSpec]:
     """Figs. 11-19: contact physics, lab servo, dry hitch friction."""
-    hitch = (*FREE, f"robot.hitch.coulomb_friction_n_m={HITCH_FRICTION_N_M:g}")
-    lab = (*CONTACT, *hitch, *ALIGNED, *EXPERIMENT_SENSING)
-    return [
-        RunSpec("lab-pid", "lab_circle", lab + PID),
-        RunSpec("lab-pid-without", "lab_circle", lab),
-        RunSpec("lab-analytic", "lab_circle", (*ANALYTIC, *hitch, *ALIGNED)),
-        RunSpec("eight-pid", "figure_eight", lab + PID),
-        RunSpec("eight-pid-without", "figure_eight", lab),
-    ]
+    hitch = (*FREE, f"robot.hitch.coulomb_friction_n_m={HITCH_FRICTION_N_M:g}", *ALIGNED)
+    lab = (*CONTACT, *hitch, *EXPERIMENT_SENSING)
+    yield _run("lab-pid", "lab_circle", lab, PID)
+    yield _run("lab-pid-without", "lab_circle", lab)
+    yield _run("lab-analytic", "lab_circle", ANALYTIC, hitch)
+    yield _run("eight-pid", "figure_eight", lab, PID)
+    yield _run("eight-pid-without", "figure_eight", lab)
 
 
-def _disturbed() -> list[RunSpec]:
+def _disturbed() -> Iterator[RunSpec]:
     """The lab circle with noise as of the labels, while no camera makes its own."""
     noise = (
         "sensing.position_noise_m=0.0002",
@@ -163,100 +164,57 @@ def _disturbed() -> list[RunSpec]:
         "sensing.rate_noise_rad_s=0.0107",
         "sensing.latency_s=0.033",
     )
-    return [
-        replace(spec, name=f"{spec.name}-disturbed", overrides=spec.overrides + noise)
-        for spec in _laboratory()[:2]
-        if EXPERIMENT_SENSING == TRUTH
-    ]
+    if EXPERIMENT_SENSING == TRUTH:
+        for spec in itertools.islice(_laboratory(), 2):
+            yield _run(f"{spec.name}-disturbed", spec.base, spec.overrides, noise)
 
 
-def _gains() -> list[RunSpec]:
+def _gains() -> Iterator[RunSpec]:
     """All α halved and doubled: "higher gains, better performance"."""
-    return [
-        RunSpec(
-            f"gains-{name}",
-            "lab_circle",
-            (
-                *ANALYTIC,
-                *FREE,
-                *FAST,
-                *ALIGNED,
-                *(f"controller.alpha{i}={25.0 * scale}" for i in (1, 3)),
-                *(f"controller.alpha{i}={10.0 * scale}" for i in (2, 4)),
-            ),
-            recording=False,
-        )
-        for name, scale in (("half", 0.5), ("double", 2.0))
-    ]
+    for name, scale in (("half", 0.5), ("double", 2.0)):
+        table_2 = {1: 25.0, 2: 10.0, 3: 25.0, 4: 10.0}
+        gains = tuple(f"controller.alpha{i}={scale * alpha}" for i, alpha in table_2.items())
+        circle = (*ANALYTIC, *FREE, *FAST, *ALIGNED)
+        yield _run(f"gains-{name}", "lab_circle", circle, gains, recording=False)
 
 
-def _choices() -> list[RunSpec]:
+def _choices() -> Iterator[RunSpec]:
     """What the article leaves open, tried out: is there a reading of law (47)/(70) that works?"""
-    runs = []
-    limits: dict[str, tuple[str, ...]] = {
-        "unlimited": (),
-        "limit-10": ("controller.gamma_limit=10.0", "controller.anti_windup=conditional"),
-        "limit-1": ("controller.gamma_limit=1.0", "controller.anti_windup=conditional"),
-    }
-    for gamma in ("constant", "exact", "regularized"):
-        for limit, told in limits.items():
-            for theta2, reference in (("aligned", ALIGNED), ("outward", OUTWARD)):
-                runs.append(
-                    RunSpec(
-                        f"choice-{gamma}-{limit}-{theta2}",
-                        "lab_circle",
-                        (
-                            *ANALYTIC,
-                            *FREE,
-                            *FAST,
-                            *reference,
-                            *PID,
-                            f"controller.gamma={gamma}",
-                            *told,
-                        ),
-                        recording=False,
-                    )
-                )
-    return runs
+    for gamma, limit, theta2 in itertools.product(GAMMAS, LIMITS, REFERENCES):
+        (name,) = choices((gamma,), (limit,), (theta2,))
+        law = (*PID, f"controller.gamma={gamma}", *LIMITS[limit], *REFERENCES[theta2])
+        yield _run(name, "lab_circle", ANALYTIC, FREE, FAST, law, recording=False)
 
 
-def _friction() -> list[RunSpec]:
+def _friction() -> Iterator[RunSpec]:
     """The lab circle, entered on the reference with the trailer aligned, at many frictions."""
-    on_reference = ("initial={kind='on_reference'}", *ALIGNED, *CONTACT, *FREE)
-    runs = [
-        RunSpec(
-            friction_run(friction),
-            "lab_circle",
-            (*on_reference, f"robot.hitch.coulomb_friction_n_m={friction:g}", "duration_s=45.0"),
-            recording=False,
-        )
+    base = ("initial={kind='on_reference'}", *ALIGNED, *CONTACT, *FREE, "duration_s=45.0")
+    hitches = {
+        friction_run(friction): f"coulomb_friction_n_m={friction:g}"
         for friction in SWEEP_FRICTION_N_M
-    ]
-    viscous = ("robot.hitch.damping_n_m_s_rad=0.001", "duration_s=45.0")
-    return [
-        *runs,
-        RunSpec("friction-viscous", "lab_circle", on_reference + viscous, recording=False),
-    ]
-
-
-def friction_run(friction_n_m: float) -> str:
-    """Name of a run of the friction sweep."""
-    return f"friction-{friction_n_m * 1e6:.0f}-unm"
+    }
+    for name, hitch in (hitches | {"friction-viscous": "damping_n_m_s_rad=0.001"}).items():
+        yield _run(name, "lab_circle", base, (f"robot.hitch.{hitch}",), recording=False)
 
 
 RUNS: dict[str, RunSpec] = {
     spec.name: spec
-    for group in (
-        _simulated_circle,
-        _simulated_lab,
-        _laboratory,
-        _disturbed,
-        _gains,
-        _choices,
-        _friction,
+    for spec in itertools.chain(
+        _simulated_circle(),
+        _simulated_lab(),
+        _laboratory(),
+        _disturbed(),
+        _gains(),
+        _choices(),
+        _friction(),
     )
-    for spec in group()
 }
+
+# what figures and claims look at together: law (32) as printed and without its singular terms, free
+# and with spring and damper
+PUBLISHED, OMITTED = on_both("law32-published"), on_both("law32-omitted")
+SPRUNG_PUBLISHED = on_both("spring-printed-published")
+SPRUNG_OMITTED = on_both("spring-printed-omitted")
 
 # law (70) and law (32) under disturbance: a camera's own, or noise like it
 DISTURBED = tuple(

@@ -58,7 +58,7 @@ def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) 
         failed = execute(tasks, progress)
         failures = {event.job.name: event.reason for event in failed}
         evidence = Evidence(out, failures)
-        drawn = [name for name in figures if not _lacks(name, failures)]
+        drawn = [name for name in figures if not evidence.lacking(FIGURES[name])]
         _draw(drawn, evidence)
         if progress:
             progress(len(tasks) + len(figures))
@@ -104,10 +104,6 @@ def _ours(name: str) -> bool:
 def _needed_runs(figures: list[str]) -> list[str]:
     needed = {run for name in figures for run in FIGURES[name].runs}
     return [name for name in RUNS if name in needed]
-
-
-def _lacks(figure: str, failures: dict[str, str]) -> bool:
-    return any(n in failures for n in (*FIGURES[figure].runs, *FIGURES[figure].studies))
 
 
 def _draw(names: list[str], evidence: Evidence) -> None:

@@ -12,8 +12,7 @@ MuJoCo, and here the model is not MuJoCo's. `shooting` gives the run and its der
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +26,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.fit.shooting import Shooting
 from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
+from ttwmr_mj.studies.compare.replays import Progress
 
 # What a parameter is searched in: the size of a typical correction.
 SCALES = {
@@ -39,14 +39,14 @@ SCALES = {
     "caster_mass_kg": 1e-3,
     "rolling_resistance_m": 1e-6,
 }
-NEVER_NEGATIVE = frozenset(SCALES) - {"wheel_radius_m", "track_width_m"}
-DIFFERENCE = 0.1  # of a scale
+SCALE = np.array(list(SCALES.values()))
+LENGTHS = ("wheel_radius_m", "track_width_m")  # far from zero; all else may vanish
+FLOOR = np.array([-np.inf if name in LENGTHS else 0.0 for name in SCALES])
+DIFFERENCE = 0.1  # of a scale: well above rounding, well below what bends the model
 DIFFERENCES = {name: DIFFERENCE * size for name, size in SCALES.items()}
-EXPECTED_WITHIN = 1e4  # scales: faint
-CONFIDENCE_95 = 1.96
+EXPECTED_WITHIN = 1e4  # scales: so faint that it decides only where the data do not
+CONFIDENCE_95 = 1.96  # standard deviations
 MAX_STEP_S = 0.033  # Runge-Kutta's; the swing takes seconds
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,18 +87,21 @@ class Fit:
 
     Attributes:
         parameters: name → estimate.
+        physics_step_s: of the contact physics it was fitted on.
         training: on the scenario it was fitted on.
         validation: on one it did not see.
     """
 
     parameters: dict[str, Estimate]
+    physics_step_s: float
     training: Gain
     validation: Gain
 
     @property
     def fitted(self) -> ExtendedParameters:
         """The fitted model's parameters."""
-        return ExtendedParameters(**{name: e.value for name, e in self.parameters.items()})
+        values = {name: e.value for name, e in self.parameters.items()}
+        return ExtendedParameters(**values, physics_step_s=self.physics_step_s)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -112,12 +115,7 @@ class Fit:
             for name, e in self.parameters.items()
         }
         gains = {
-            part: {
-                "scenario": gain.scenario,
-                "plain": gain.plain,
-                "fitted": gain.fitted,
-                "factor": gain.factor,
-            }
+            part: {**asdict(gain), "factor": gain.factor}
             for part, gain in (("training", self.training), ("validation", self.validation))
         }
         return {"parameters": parameters, **gains}
@@ -141,65 +139,87 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
     Raises:
         RunError: the search did not converge.
     """
-    expected = ExtendedParameters.expected(run.robot)
-    start = np.array([getattr(expected, name) for name in SCALES])
-    scale = np.array(list(SCALES.values()))
-    plain = replay_analytic(run.scenario, run.commands)
-    weight = 1.0 / np.sqrt(np.mean((run.trajectory.q[:, 0] - plain.q[:, 0]) ** 2, axis=0))
-    low = np.where([name in NEVER_NEGATIVE for name in SCALES], -start / scale, -np.inf)
-    pull = np.eye(len(start)) / EXPECTED_WITHIN
-    evaluations = 0
-    shooting = Shooting(run, DIFFERENCES, MAX_STEP_S)
-
-    @functools.lru_cache(maxsize=2)
-    def shoot(steps: bytes) -> tuple[FloatArray, FloatArray]:
-        """Residual and Jacobian at steps of scales from the nominal; asked for one by one."""
-        nonlocal evaluations
-        evaluations += 1
-        if progress is not None:
-            progress(1.0 - 0.9**evaluations)
-        step = np.frombuffer(steps)
-        q, slope = shooting.run(start + scale * step)
-        missed = weight * (run.trajectory.q[:, 0] - q)
-        change = -weight[:, None] * slope / DIFFERENCE
-        rows = change.reshape(-1, len(step))
-        return np.concatenate([missed.ravel(), pull @ step]), np.vstack([rows, pull])
-
-    def residual(step: FloatArray) -> FloatArray:
-        return shoot(step.tobytes())[0]
-
-    def jacobian(step: FloatArray) -> FloatArray:
-        return shoot(step.tobytes())[1]
-
-    first = np.maximum(0.0, low + 0.1)  # inside, where the search can turn
+    search = _Search(run, progress)
     found = least_squares(
-        residual, first, jac=jacobian, bounds=(low, np.inf), x_scale="jac", max_nfev=100
+        search.residual,
+        np.maximum(0.0, search.low + 0.1),  # inside, where the search can turn
+        jac=search.jacobian,
+        bounds=(search.low, np.inf),
+        x_scale="jac",
+        max_nfev=100,  # shipped scenarios take 10 to 20
     )
     if not found.success:
         raise RunError(f"the fit to {run.scenario.name} did not converge: {found.message}")
-    data = len(found.fun) - len(start)
-    spread = scale * _standard_deviation(found.fun[:data], found.jac[:data])
-    value = start + scale * found.x
-    parameters = {}
-    for i, name in enumerate(SCALES):
-        floor = 0.0 if name in NEVER_NEGATIVE else -np.inf
-        half = CONFIDENCE_95 * float(spread[i])
-        parameters[name] = Estimate(
+    value = search.start + SCALE * found.x
+    data = len(found.fun) - len(value)  # the rest is the pull's
+    half = CONFIDENCE_95 * SCALE * standard_deviation(found.fun[:data], found.jac[:data])
+    parameters = {
+        name: Estimate(
             value=float(value[i]),
-            low=float(max(value[i] - half, floor)),
-            high=float(value[i] + half),
-            expected=float(start[i]),
-            identified=half < abs(float(value[i])),
+            low=float(max(value[i] - half[i], FLOOR[i])),
+            high=float(value[i] + half[i]),
+            expected=float(search.start[i]),
+            identified=bool(half[i] < abs(value[i])),
         )
-    return Fit(parameters, _gain(run, value), _gain(unseen, value))
+        for i, name in enumerate(SCALES)
+    }
+    step_s = run.scenario.plant.contact.timestep_s
+    return Fit(parameters, step_s, _gain(run, value), _gain(unseen, value))
 
 
-def _standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
-    """Of each parameter, if what is left is noise as correlated in time as it looks.
+class _Search:
+    """What least squares asks for, at steps of scales from what the robot's numbers lead to expect.
+
+    Attributes:
+        start: (p,) the parameters expected.
+        low: (p,) bound of the steps.
+    """
+
+    def __init__(self, run: ContactRun, progress: Progress | None) -> None:
+        expected = ExtendedParameters.expected(run.robot)
+        self.start = np.array([getattr(expected, name) for name in SCALES])
+        self.low = (FLOOR - self.start) / SCALE
+        self._true, self._progress, self._evaluations = run.trajectory.q[:, 0], progress, 0
+        plain = replay_analytic(run.scenario, run.commands).q[:, 0]
+        self._weight = 1.0 / np.sqrt(np.mean((self._true - plain) ** 2, axis=0))
+        self._pull = np.eye(len(SCALES)) / EXPECTED_WITHIN
+        self._shooting = Shooting(run, DIFFERENCES, MAX_STEP_S)
+        self._shoot = functools.lru_cache(maxsize=2)(self._evaluate)
+
+    def residual(self, step: FloatArray) -> FloatArray:
+        """(data + p,) weighted deviations x, y, θ1, θ2 of every sample, and the pull."""
+        return self._shoot(step.tobytes())[0]
+
+    def jacobian(self, step: FloatArray) -> FloatArray:
+        """(data + p, p) its derivatives."""
+        return self._shoot(step.tobytes())[1]
+
+    def _evaluate(self, steps: bytes) -> tuple[FloatArray, FloatArray]:
+        """Both at once, as one costs what both do; they are asked for one by one."""
+        self._evaluations += 1
+        if self._progress is not None:
+            self._progress(1.0 - 0.9**self._evaluations)  # never done, and slower and slower
+        step = np.frombuffer(steps)
+        q, slope = self._shooting.run(self.start + SCALE * step)
+        missed = self._weight * (self._true - q)
+        change = -self._weight[:, None] * slope / DIFFERENCE
+        rows = change.reshape(-1, len(step))
+        return (
+            np.concatenate([missed.ravel(), self._pull @ step]),
+            np.vstack([rows, self._pull]),
+        )
+
+
+def standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
+    """(p,) of each parameter, if what is left is noise as correlated in time as it looks.
 
     Neighbouring samples miss in the same way, so there are fewer independent ones than samples, by
     (1 − ρ)/(1 + ρ) with ρ the correlation of neighbours. A direction that the data do not see at
     all gets no bound.
+
+    Args:
+        residual: (4·n,) four columns of every sample, one sample after the other.
+        jacobian: (4·n, p).
     """
     rows = residual.reshape(-1, 4)
     before, after = rows[:-1].ravel(), rows[1:].ravel()
@@ -214,7 +234,7 @@ def _standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArra
 
 
 def _gain(run: ContactRun, value: FloatArray) -> Gain:
-    """What parameters in the order of `SCALES` improve."""
+    """What parameters (p,) in the order of `SCALES` improve."""
     plain = replay_analytic(run.scenario, run.commands)
     q = Shooting(run, DIFFERENCES, MAX_STEP_S).run(value)[0]
     fitted = replace(run.trajectory, q=q[:, None])

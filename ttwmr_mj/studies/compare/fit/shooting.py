@@ -17,15 +17,16 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.dynamics.extended import ExtendedModel
-from ttwmr_mj.plants.extended_steps import Clock, Stretch, cut, rolling_setpoint, step
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.dynamics.extended import STATES, ExtendedModel
+from ttwmr_mj.dynamics.servo import Stretches
+from ttwmr_mj.plants.extended_steps import cut_all, rolling_setpoint, step
+from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.motion import ContactRun
 
-STATES = 5  # x, y, θ1, θ2, swing rate
-DIFFERENCE = 1e-6  # of θ1, θ2 [rad] and the swing rate [rad/s]
+MOVED = [2, 3, 4]  # the states that matter for rates: θ1, θ2, swing rate
+DIFFERENCE = 1e-6  # of these [rad, rad/s]: rounding and curvature both cost 1e-10
 CLOSED = 1e-9  # a correction after which the next would be of its square
-MAX_ROUNDS = 8
+MAX_ROUNDS = 8  # smooth hitches take 3
 
 
 class Shooting:
@@ -42,10 +43,9 @@ class Shooting:
             differences: name of every parameter → by how much it is varied.
             max_step_s: Runge-Kutta's.
         """
-        scenario = run.scenario
-        self._run, self._robot = run, run.robot
-        self._period_s = scenario.control.sampling_time_s
-        self._clock = Clock(scenario.plant.contact.timestep_s, max_step_s)
+        self._run, self._robot, self._max_step_s = run, run.robot, max_step_s
+        self._period_s = run.scenario.control.sampling_time_s
+        self._physics_step_s = run.scenario.plant.contact.timestep_s
         self._names, self._differences = list(differences), np.array(list(differences.values()))
         self._guess: FloatArray | None = None  # (stretches + 1, STATES)
 
@@ -72,58 +72,61 @@ class Shooting:
         samples = np.append(0, ends)
         return guess[samples, :4], slope[samples, :4]
 
-    def _cut(self, columns: FloatArray) -> tuple[Stretch, NDArray[np.intp]]:
+    def _cut(self, columns: FloatArray) -> tuple[Stretches, NDArray[np.intp]]:
         """Stretches (n, p + 1) of every column of parameters, and where the periods end."""
-        start = RobotState(
-            *(
-                np.tile(part, (len(columns), 1))
-                for part in (self._run.start.q, self._run.start.q_rate)
-            )
+        start, nsim = self._run.start, len(columns)
+        many = RobotState(np.tile(start.q, (nsim, 1)), np.tile(start.q_rate, (nsim, 1)))
+        return cut_all(
+            rolling_setpoint(self._model(columns), many),
+            self._run.commands,
+            self._robot.servo,
+            self._period_s,
+            self._max_step_s,
+            self._physics_step_s,
         )
-        setpoint = rolling_setpoint(self._model(columns), start)
-        commands = self._run.commands[:, None]
-        return cut(setpoint, commands, self._period_s, self._clock, self._robot.servo)
 
-    def _contact_physics(self, stretches: Stretch) -> FloatArray:
+    def _contact_physics(self, stretches: Stretches) -> FloatArray:
         """(n + 1, STATES) of contact physics at the stretches' ends."""
         physics, time_s = self._run.physics, np.append(0.0, np.cumsum(stretches.duration_s[:, 0]))
-        columns = [*physics.q.T, physics.q_rate[:, 3]]
+        columns = [*physics.q.T, physics.q_rate[:, THETA2]]
         return np.stack([np.interp(time_s, physics.time_s, column) for column in columns], axis=-1)
 
     def _model(self, values: FloatArray) -> ExtendedModel:
         """The model with parameters (nsim, p)."""
-        return ExtendedModel(self._robot, dict(zip(self._names, values.T, strict=True)))
+        parameters = dict(zip(self._names, values.T, strict=True))
+        return ExtendedModel(self._robot, parameters, self._physics_step_s)
 
-    def _march(self, values: FloatArray, stretches: Stretch) -> FloatArray:
+    def _march(self, values: FloatArray, stretches: Stretches) -> FloatArray:
         """(n + 1, STATES) stretch after stretch."""
         model = self._model(values[None])
-        q, swing = self._run.start.q, self._run.start.q_rate[:, 3]
-        states = [np.append(q, swing)]
-        for parts in zip(*stretches, strict=True):
-            q, swing = step(model, q, swing, Stretch(*(part[:1] for part in parts)))
-            states.append(np.append(q, swing))
+        start = self._run.start
+        states = [np.append(start.q[0], start.q_rate[0, THETA2])]
+        for k in range(len(stretches.duration_s)):
+            stretch = Stretches(*(part[k, :1] for part in stretches))
+            states.append(step(model, states[-1][:, None], stretch)[:, 0])
         return np.array(states)
 
     def _newton(
-        self, columns: FloatArray, stretches: Stretch, guess: FloatArray
+        self, columns: FloatArray, stretches: Stretches, guess: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Correction (n + 1, STATES) of a guess, and the derivatives (n + 1, STATES, p)."""
-        count, changes = len(guess) - 1, np.zeros((3, STATES))
-        changes[[0, 1, 2], [2, 3, 4]] = DIFFERENCE
-        changes = np.vstack([np.zeros(STATES), changes, np.zeros((len(self._names), STATES))])
-        column = np.append([0, 0, 0, 0], np.arange(1, len(columns)))
-        states = (guess[:-1] + changes[:, None]).reshape(-1, STATES)
-        batch = Stretch(
+        count, moved, parameters = len(guess) - 1, len(MOVED), len(self._names)
+        changes = np.zeros((1 + moved + parameters, STATES))
+        changes[1 : 1 + moved, MOVED] = DIFFERENCE * np.eye(moved)
+        column = np.append(np.zeros(1 + moved, np.intp), np.arange(1, 1 + parameters))
+        states = guess[:-1] + changes[:, None]
+        batch = Stretches(
             *(part[:, column].swapaxes(0, 1).reshape(-1, *part.shape[2:]) for part in stretches)
         )
         model = self._model(np.repeat(columns[column], count, axis=0))
-        q, swing = step(model, states[:, :4], states[:, 4], batch)
-        ends = np.concatenate([q, swing[:, None]], axis=1).reshape(len(column), count, STATES)
-        by_state = np.moveaxis(ends[1:4] - ends[0], 0, -1) / DIFFERENCE  # of x and y it is trivial
+        ends = step(model, np.ascontiguousarray(states.reshape(-1, STATES).T), batch)
+        ends = ends.T.reshape(states.shape)
+        here, there = ends[1 : 1 + moved] - ends[0], ends[1 + moved :] - ends[0]
+        by_state = np.moveaxis(here, 0, -1) / DIFFERENCE  # of x and y it is trivial
         gap = (ends[0] - guess[1:])[..., None]
-        here = np.concatenate([gap, np.moveaxis(ends[4:] - ends[0], 0, -1)], axis=-1)
-        total = np.zeros((count + 1, STATES, 1 + len(self._names)))
+        added = np.concatenate([gap, np.moveaxis(there, 0, -1)], axis=-1)
+        total = np.zeros((count + 1, STATES, 1 + parameters))
         for k in range(count):
-            total[k + 1] = here[k] + by_state[k] @ total[k, 2:]
-            total[k + 1, :2] += total[k, :2]
+            total[k + 1] = added[k] + by_state[k] @ total[k, MOVED[0] :]
+            total[k + 1, : MOVED[0]] += total[k, : MOVED[0]]
         return total[..., 0], total[..., 1:]

@@ -2,40 +2,62 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from ttwmr_mj.studies.reproduce.claims.judging import (
+    E5_SMALL_RAD,
     GONE,
+    MOSTLY,
+    NEAR_CONSTANT,
     STILL_RAD,
+    TRACTOR_ERROR,
     TRACTOR_FOLLOWS_M,
-    Claim,
+    TRAILER_ERROR,
     Judgement,
+    claim,
     mm,
     verdict_of,
 )
 from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.runs import choices
 
-NEAR_CONSTANT = 0.5  # |ρ·D − 1|
-MOSTLY = 0.9  # of the samples
-E5_SMALL_RAD = 0.05
+LIMITED = ("limit-10", "limit-1")
+LIMITED_47 = choices(("exact", "regularized"), LIMITED)
+LIMITED_70 = choices(("constant",), LIMITED)
 
 
-def _theorem_3(evidence: Evidence) -> Judgement:
-    cases = [c for c in evidence.study("continuous")["cases"] if c["gamma"] == "exact"]
-    lived = [c["end_time_s"] for c in cases]
-    stable = all(
-        c["end"] == "time" and c["v_share"][-1] <= GONE and abs(c["e5_rad"][-1]) <= E5_SMALL_RAD
-        for c in cases
+def _cases(evidence: Evidence, gamma: str) -> list[dict[str, Any]]:
+    """The solutions in continuous time under one form of γ."""
+    return [case for case in evidence.study("continuous")["cases"] if case["gamma"] == gamma]
+
+
+def _stable(cases: list[dict[str, Any]]) -> bool:
+    """Whether every solution exists to the end and leaves next to nothing of V and e5."""
+    return all(
+        case["end"] == "time"
+        and case["v_share"][-1] <= GONE
+        and abs(case["e5_rad"][-1]) <= E5_SMALL_RAD
+        for case in cases
     )
-    limited = [
-        f"choice-{gamma}-{limit}-{theta2}"
-        for gamma in ("exact", "regularized")
-        for limit in ("limit-10", "limit-1")
-        for theta2 in ("aligned", "outward")
-    ]
-    best = min(_both(evidence, run) for run in limited)
+
+
+def _best(evidence: Evidence, runs: tuple[str, ...]) -> float:
+    """The smallest, among runs, of the larger of the tractor's and the trailer's error [m]."""
+    return min(
+        max(evidence.value(run, metric) for metric in (TRACTOR_ERROR, TRAILER_ERROR))
+        for run in runs
+    )
+
+
+@claim("theorem-3", LIMITED_47, ("continuous",))
+def _theorem_3(evidence: Evidence) -> Judgement:
+    cases = _cases(evidence, "exact")
+    lived = [case["end_time_s"] for case in cases]
+    best = _best(evidence, LIMITED_47)
     return Judgement(
-        verdict_of(stable, best <= TRACTOR_FOLLOWS_M),
+        verdict_of(_stable(cases), best <= TRACTOR_FOLLOWS_M),
         {
             "shortest_solution_s": min(lived),
             "longest_solution_s": max(lived),
@@ -45,19 +67,13 @@ def _theorem_3(evidence: Evidence) -> Judgement:
         f"{1e3 * min(lived):.0f} to {1e3 * max(lived):.0f} ms: D reaches zero, γ infinity, and "
         "the correction drives D back to zero from both sides. That V' is what Eq. 52-53 say is "
         "true up to there and proves nothing after. With γ limited, the best of "
-        f"{len(limited)} variants leaves {mm(best)}.",
+        f"{len(LIMITED_47)} variants leaves {mm(best)}.",
     )
 
 
-def _both(evidence: Evidence, run: str) -> float:
-    """The larger of the tractor's and the trailer's error in the second half [m]."""
-    return max(
-        evidence.value(run, "steady_tractor_rmse_m"), evidence.value(run, "steady_trailer_rmse_m")
-    )
-
-
+@claim("rho-is-constant", (), ("continuous",))
 def _constant_rho(evidence: Evidence) -> Judgement:
-    cases = [c for c in evidence.study("continuous")["cases"] if c["gamma"] == "constant"]
+    cases = _cases(evidence, "constant")
     near = [
         float(np.mean(np.abs(np.array(case["rho_d"]) - 1.0) <= NEAR_CONSTANT)) for case in cases
     ]
@@ -77,37 +93,33 @@ def _constant_rho(evidence: Evidence) -> Judgement:
     )
 
 
+@claim("law-70", LIMITED_70, ("continuous",))
 def _law_70(evidence: Evidence) -> Judgement:
-    cases = [c for c in evidence.study("continuous")["cases"] if c["gamma"] == "constant"]
-    stable = all(
-        c["end"] == "time" and c["v_share"][-1] <= GONE and abs(c["e5_rad"][-1]) <= E5_SMALL_RAD
-        for c in cases
-    )
-    slow = max(c["v_share"][-1] for c in cases)
-    limited = min(
-        _both(evidence, f"choice-constant-{limit}-{theta2}")
-        for limit in ("limit-10", "limit-1")
-        for theta2 in ("aligned", "outward")
-    )
+    cases = _cases(evidence, "constant")
+    left = [case["v_share"][-1] for case in cases]
+    limited = _best(evidence, LIMITED_70)
     return Judgement(
-        verdict_of(stable, limited <= TRACTOR_FOLLOWS_M),
+        verdict_of(_stable(cases), limited <= TRACTOR_FOLLOWS_M),
         {
-            "smallest_v_left_share": min(c["v_share"][-1] for c in cases),
-            "largest_v_left_share": slow,
+            "smallest_v_left_share": min(left),
+            "largest_v_left_share": max(left),
             "smallest_error_left_m": min(c["error_m"][-1] for c in cases),
             "limited_best_worst_error_m": limited,
         },
-        f"In continuous time the motion stays bounded, and up to {100 * slow:.0f} % of V is left "
-        "after 20 s: γ grows with the integral of e5 and turns (e2, e4) so fast that their mean, "
-        "and with it the approach of e1 and e3, comes to a stop. With γ limited and "
+        f"In continuous time the motion stays bounded, and up to {100 * max(left):.0f} % of V is "
+        "left after 20 s: γ grows with the integral of e5 and turns (e2, e4) so fast that their "
+        "mean, and with it the approach of e1 and e3, comes to a stop. With γ limited and "
         f"anti-windup, the best of four variants leaves {mm(limited)}.",
     )
 
 
+@claim(
+    "virtual-spring", ("spring-printed-omitted-analytic", "virtual-spring-analytic"), ("proofs",)
+)
 def _virtual_spring(evidence: Evidence) -> Judgement:
     real = evidence.hitch_swing("spring-printed-omitted-analytic")
     virtual = evidence.hitch_swing("virtual-spring-analytic")
-    follows = evidence.value("virtual-spring-analytic", "steady_tractor_rmse_m")
+    follows = evidence.value("virtual-spring-analytic", TRACTOR_ERROR)
     proved = bool(evidence.study("proofs")["eq-58"]["proved"])
     log = evidence.lyapunov("virtual-spring-analytic")
     return Judgement(
@@ -127,6 +139,7 @@ def _virtual_spring(evidence: Evidence) -> Judgement:
     )
 
 
+@claim("poles", (), ("proofs",))
 def _pole_placement(evidence: Evidence) -> Judgement:
     proved = bool(evidence.study("proofs")["eq-65"]["proved"])
     return Judgement(
@@ -138,65 +151,9 @@ def _pole_placement(evidence: Evidence) -> Judgement:
 
 
 CORRECTION_CLAIMS = (
-    Claim(
-        "theorem-3",
-        "Theorem 3, Eq. 47-62",
-        "Law (47) with γ exact stabilises tractor and trailer asymptotically.",
-        "Eq. 31 as a differential equation from Table II's start, two circles, two θ2 references: "
-        f"holds if every solution exists for 20 s and leaves at most {GONE:.0%} of V and "
-        f"{E5_SMALL_RAD} rad of e5; with changes if a variant with γ limited or regularised brings "
-        f"tractor and trailer within {mm(TRACTOR_FOLLOWS_M)}.",
-        _theorem_3,
-        tuple(
-            f"choice-{gamma}-{limit}-{theta2}"
-            for gamma in ("exact", "regularized")
-            for limit in ("limit-10", "limit-1")
-            for theta2 in ("aligned", "outward")
-        ),
-        ("continuous",),
-    ),
-    Claim(
-        "law-70",
-        "Section 3.3, Eq. 70-71",
-        "With constant ρ the closed loop is still stable, and free of singularities.",
-        "As for Theorem 3, with ρ = 2.5: holds if every solution exists for 20 s and leaves at "
-        f"most {GONE:.0%} of V and {E5_SMALL_RAD} rad of e5; with changes if a variant with γ "
-        f"limited and anti-windup brings tractor and trailer within {mm(TRACTOR_FOLLOWS_M)}.",
-        _law_70,
-        tuple(
-            f"choice-constant-{limit}-{theta2}"
-            for limit in ("limit-10", "limit-1")
-            for theta2 in ("aligned", "outward")
-        ),
-        ("continuous",),
-    ),
-    Claim(
-        "rho-is-constant",
-        "Eq. 68-69",
-        "The denominator of γ is nearly constant, so that 1/D may be replaced with ρ.",
-        f"Holds if |ρ·D − 1| ≤ {NEAR_CONSTANT} for {MOSTLY:.0%} of 20 s in all four continuous "
-        "cases; with changes if in one of them.",
-        _constant_rho,
-        (),
-        ("continuous",),
-    ),
-    Claim(
-        "virtual-spring",
-        "Section 3.2, Eq. 55-60",
-        "The corrective terms act as a virtual spring and damper at P.",
-        "Lab circle with γ of Eq. 60, exact: holds if the hitch swings by at most "
-        f"{STILL_RAD} rad over the second half and P is within {mm(TRACTOR_FOLLOWS_M)}.",
-        _virtual_spring,
-        ("spring-printed-omitted-analytic", "virtual-spring-analytic"),
-        ("proofs",),
-    ),
-    Claim(
-        "poles",
-        "Eq. 64-67, Table II",
-        "k_d = 12, k_p = 48, k_i = 64 place the poles of e5.",
-        "Holds if the polynomial of Eq. 65 is (s + a)³ for one a > 0.",
-        _pole_placement,
-        (),
-        ("proofs",),
-    ),
+    _theorem_3,
+    _law_70,
+    _constant_rho,
+    _virtual_spring,
+    _pole_placement,
 )

@@ -7,17 +7,18 @@ from dataclasses import replace
 import numpy as np
 
 from ttwmr_mj.studies.reproduce.claims.judging import (
-    TRACTOR_FOLLOWS_M,
-    TRAILER_FOLLOWS_M,
+    AGREES_M,
+    TRACTOR_ERROR,
+    TRAILER_ERROR,
     Claim,
     Judgement,
+    claim,
     mm,
+    robot_follows,
     verdict_of,
 )
-from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.runs import DISTURBED
-
-AGREES_M = 0.010
 
 
 def _needs_camera(evidence: Evidence, judged: Judgement, *runs: str) -> Judgement:
@@ -34,54 +35,37 @@ def _needs_camera(evidence: Evidence, judged: Judgement, *runs: str) -> Judgemen
 def _follow(evidence: Evidence, published: str, changed: str) -> Judgement:
     """Whether tractor and trailer both follow, in the published run or in the changed one."""
     errors = {
-        run: (
-            evidence.value(run, "steady_tractor_rmse_m"),
-            evidence.value(run, "steady_trailer_rmse_m"),
-        )
-        for run in (published, changed)
+        f"{name}_{metric}": evidence.value(run, metric)
+        for name, run in (("published", published), ("without_correction", changed))
+        for metric in (TRACTOR_ERROR, TRAILER_ERROR)
     }
-    good = {
-        run: tractor <= TRACTOR_FOLLOWS_M and trailer <= TRAILER_FOLLOWS_M
-        for run, (tractor, trailer) in errors.items()
-    }
-    angle = evidence.hitch_angle(changed)
-    hitch = float(np.mean(angle[angle.size // 2 :]))
+    follows = robot_follows(evidence, changed)
+    hitch = float(np.mean(second_half(evidence.hitch_angle(changed))))
     friction = evidence.robot(changed).hitch.coulomb_friction_n_m
     trailer = (
         f"the hitch's friction of {friction:g} N·m carries the trailer along"
-        if good[changed]
+        if follows
         else f"friction of {friction:g} N·m does not carry the trailer along closely enough, its "
         f"hitch is at {hitch:.2f} rad on average (0: straight behind, π/2: outward)"
     )
+    shown = [mm(error) for error in errors.values()]
     return Judgement(
-        verdict_of(good[published], good[changed]),
-        {
-            "published_steady_tractor_rmse_m": errors[published][0],
-            "published_steady_trailer_rmse_m": errors[published][1],
-            "without_correction_steady_tractor_rmse_m": errors[changed][0],
-            "without_correction_steady_trailer_rmse_m": errors[changed][1],
-            "without_correction_mean_hitch_angle_rad": hitch,
-        },
-        f"Law (70) leaves tractor and trailer {mm(errors[published][0])} and "
-        f"{mm(errors[published][1])} off. Law (32) without singular terms and without any "
-        f"correction leaves {mm(errors[changed][0])} and {mm(errors[changed][1])}: {trailer}.",
+        verdict_of(robot_follows(evidence, published), follows),
+        {**errors, "without_correction_mean_hitch_angle_rad": hitch},
+        f"Law (70) leaves tractor and trailer {shown[0]} and {shown[1]} off. Law (32) without "
+        "singular terms and without any correction leaves "
+        f"{shown[2]} and {shown[3]}: {trailer}.",
     )
 
 
-def _figs_11_16(evidence: Evidence) -> Judgement:
-    runs = ("lab-pid", "lab-pid-without")
-    return _needs_camera(evidence, _follow(evidence, *runs), *runs)
+def _follow_claim(name: str, runs: tuple[str, ...]) -> Claim:
+    """A claim that the robot follows, judged with a camera in the loop."""
+    return claim(name, runs)(
+        lambda evidence: _needs_camera(evidence, _follow(evidence, *runs), *runs)
+    )
 
 
-def _fig_19(evidence: Evidence) -> Judgement:
-    runs = ("eight-pid", "eight-pid-without")
-    return _needs_camera(evidence, _follow(evidence, *runs), *runs)
-
-
-def _robust(evidence: Evidence) -> Judgement:
-    return _needs_camera(evidence, _follow(evidence, *DISTURBED), *DISTURBED)
-
-
+@claim("experiment-agrees", ("lab-pid-without", "lab-analytic"))
 def _agrees(evidence: Evidence) -> Judgement:
     seen, model = evidence.trajectory("lab-pid-without"), evidence.trajectory("lab-analytic")
     apart = np.hypot(*(seen.q - model.q)[:, 0, :2].T)
@@ -95,45 +79,9 @@ def _agrees(evidence: Evidence) -> Judgement:
     return _needs_camera(evidence, judged, "lab-pid-without")
 
 
-_FOLLOW_RULE = (
-    f"Contact physics, 33 ms, Table II, camera in the loop: holds if P is within "
-    f"{mm(TRACTOR_FOLLOWS_M)} and the trailer's COM within {mm(TRAILER_FOLLOWS_M)} rms over the "
-    "second half under law (70); with changes if under law (32) without singular terms and "
-    "correction."
-)
-
 EXPERIMENT_CLAIMS = (
-    Claim(
-        "figs-11-16",
-        "Section 4, Figs. 11-16",
-        "In the experiment, tractor and trailer track the circle in every coordinate.",
-        _FOLLOW_RULE,
-        _figs_11_16,
-        ("lab-pid", "lab-pid-without"),
-    ),
-    Claim(
-        "fig-19",
-        "Section 4, Fig. 19",
-        "The trailer also tracks a figure eight.",
-        _FOLLOW_RULE,
-        _fig_19,
-        ("eight-pid", "eight-pid-without"),
-    ),
-    Claim(
-        "robust",
-        "Section 4",
-        "The method is robust against the uncertainties of the experiment.",
-        _FOLLOW_RULE + " Without a camera: noise as of the labels, one frame late.",
-        _robust,
-        DISTURBED,
-    ),
-    Claim(
-        "experiment-agrees",
-        "Section 4",
-        "Experiment and simulation agree reasonably.",
-        f"Holds if P of the camera run under law (70) is within {mm(AGREES_M)} rms of the analytic "
-        "model's; with changes if under law (32) without singular terms.",
-        _agrees,
-        ("lab-pid-without", "lab-analytic"),
-    ),
+    _follow_claim("figs-11-16", ("lab-pid", "lab-pid-without")),
+    _follow_claim("fig-19", ("eight-pid", "eight-pid-without")),
+    _follow_claim("robust", DISTURBED),
+    _agrees,
 )

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 import math
+import tomllib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
+from importlib import resources
 from typing import Literal
 
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 
 Verdict = Literal["holds", "holds with changes", "fails", "evidence missing"]
 Numbers = dict[str, float | None]
+
+TRACTOR_ERROR, TRAILER_ERROR = "steady_tractor_rmse_m", "steady_trailer_rmse_m"  # metrics
 
 # The limits of all rules, fixed before any run. Errors are rms values over a run's second half.
 TRACTOR_FOLLOWS_M = 0.010  # P: a fifteenth of the robot's length
@@ -19,6 +24,12 @@ SWINGS_RAD = 0.2  # peak to peak of the hitch angle
 STILL_RAD = 0.02
 GONE = 0.01  # of V at the start
 EFFORT_RATIO = 1.2  # of what the reference itself needs
+NEVER_RISES = 0.01  # of V at the start
+NEAR_CONSTANT = 0.5  # |ρ·D − 1|
+MOSTLY = 0.9  # of the samples
+E5_SMALL_RAD = 0.05
+AGREES_M = 0.010
+DECADE_SHRINKS = 0.5  # each decade's time over that of the one before, in finite time
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,37 +47,89 @@ class Judgement:
     finding: str
 
 
+Judge = Callable[[Evidence], Judgement]
+
+
 @dataclass(frozen=True, slots=True)
 class Claim:
     """A statement of the article and the rule that tests it.
 
     Attributes:
         name: short, for claims.json.
-        source: where the article says it.
-        statement: what it says.
-        rule: how it is judged, written down before the run.
         judge: the rule as code.
         runs: the runs it needs.
         studies: the studies it needs.
+        source: where the article says it.
+        statement: what it says.
+        rule: how it is judged, written down before the run.
     """
 
     name: str
+    judge: Judge
+    runs: tuple[str, ...]
+    studies: tuple[str, ...]
     source: str
     statement: str
     rule: str
-    judge: Callable[[Evidence], Judgement]
-    runs: tuple[str, ...] = ()
-    studies: tuple[str, ...] = ()
 
     def judgement(self, evidence: Evidence) -> Judgement:
         """The rule's answer, or that evidence is missing where its runs could not be done."""
-        lacking = [n for n in (*self.runs, *self.studies) if n in evidence.failures]
+        lacking = evidence.lacking(self)
         if lacking:
             reasons = "; ".join(f"{name}: {evidence.failures[name]}" for name in lacking)
             return Judgement("evidence missing", {}, f"What the rule needs was not run. {reasons}")
         judged = self.judge(evidence)
         numbers = {key: finite(value) for key, value in judged.numbers.items()}
         return replace(judged, numbers=numbers)
+
+
+@cache
+def _words() -> dict[str, dict[str, str]]:
+    """Claim → source, statement and rule, with this module's limits put in."""
+    text = (resources.files(__package__) / "claims.toml").read_text(encoding="utf-8")
+    limits = {name: value for name, value in globals().items() if name.isupper()}
+    limits |= {f"{name}M": mm(value) for name, value in limits.items() if name.endswith("_M")}
+    return {
+        name: {key: " ".join(words.format(**limits).split()) for key, words in entry.items()}
+        for name, entry in tomllib.loads(text).items()
+    }
+
+
+def claim(
+    name: str, runs: tuple[str, ...] = (), studies: tuple[str, ...] = ()
+) -> Callable[[Judge], Claim]:
+    """A claim of claims.toml, of the function below it that judges by its rule."""
+    return lambda judge: Claim(name, judge, runs, studies, **_words()[name])
+
+
+def robot_follows(evidence: Evidence, run: str) -> bool:
+    """Whether tractor and trailer both follow in a run."""
+    return (
+        evidence.value(run, TRACTOR_ERROR) <= TRACTOR_FOLLOWS_M
+        and evidence.value(run, TRAILER_ERROR) <= TRAILER_FOLLOWS_M
+    )
+
+
+def tractor_follows(
+    evidence: Evidence, printed: tuple[str, ...], changed: tuple[str, ...], finding: str
+) -> Judgement:
+    """Whether P follows in all runs as printed, or in all without the singular terms.
+
+    Args:
+        evidence: the results.
+        printed: the runs of the printed law.
+        changed: those without its singular terms.
+        finding: in words, with {printed} and {changed} for the largest error of either.
+    """
+    errors = [evidence.worst(runs, TRACTOR_ERROR) for runs in (printed, changed)]
+    return Judgement(
+        verdict_of(*(error <= TRACTOR_FOLLOWS_M for error in errors)),
+        {
+            f"published_{TRACTOR_ERROR}": errors[0],
+            f"omitted_{TRACTOR_ERROR}": errors[1],
+        },
+        finding.format(printed=mm(errors[0]), changed=mm(errors[1])),
+    )
 
 
 def verdict_of(as_printed: bool, with_changes: bool) -> Verdict:

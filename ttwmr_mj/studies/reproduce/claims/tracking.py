@@ -6,62 +6,55 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.references.shared.reference import sampled_path
-from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.claims.judging import (
+    DECADE_SHRINKS,
     EFFORT_RATIO,
     STILL_RAD,
     SWINGS_RAD,
-    TRACTOR_FOLLOWS_M,
-    TRAILER_FOLLOWS_M,
-    Claim,
+    TRACTOR_ERROR,
+    TRAILER_ERROR,
     Judgement,
+    claim,
     mm,
+    robot_follows,
+    tractor_follows,
     verdict_of,
 )
-from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
+from ttwmr_mj.studies.reproduce.runs import (
+    OMITTED,
+    PUBLISHED,
+    SPRUNG_OMITTED,
+    SPRUNG_PUBLISHED,
+    choices,
+    on_both,
+)
 
-PLANTS = ("analytic", "contact")
-PUBLISHED = tuple(f"law32-published-{plant}" for plant in PLANTS)
-OMITTED = tuple(f"law32-omitted-{plant}" for plant in PLANTS)
-SPRUNG_PUBLISHED = tuple(f"spring-printed-published-{plant}" for plant in PLANTS)
-SPRUNG_OMITTED = tuple(f"spring-printed-omitted-{plant}" for plant in PLANTS)
 PID = tuple(
-    f"pid-{variant}-{plant}"
+    run
     for variant in ("printed-aligned", "constant-aligned", "constant-outward", "exact-aligned")
-    for plant in PLANTS
+    for run in on_both(f"pid-{variant}")
 )
-WITHOUT = tuple(f"pid-without-{plant}" for plant in PLANTS)
-CHOICES = tuple(
-    f"choice-{gamma}-{limit}-{theta2}"
-    for gamma in ("constant", "exact", "regularized")
-    for limit in ("unlimited", "limit-10", "limit-1")
-    for theta2 in ("aligned", "outward")
-)
+WITHOUT = on_both("pid-without")
+CHOICES = choices()
 
 
-def worst(evidence: Evidence, runs: tuple[str, ...], metric: str) -> float:
-    """The largest value of a metric among runs."""
-    return max(evidence.value(run, metric) for run in runs)
-
-
+@claim("fig-3", (*PUBLISHED, *OMITTED))
 def _fig_3(evidence: Evidence) -> Judgement:
-    printed = worst(evidence, PUBLISHED, "steady_tractor_rmse_m")
-    changed = worst(evidence, OMITTED, "steady_tractor_rmse_m")
-    return Judgement(
-        verdict_of(printed <= TRACTOR_FOLLOWS_M, changed <= TRACTOR_FOLLOWS_M),
-        {
-            "published_steady_tractor_rmse_m": printed,
-            "omitted_steady_tractor_rmse_m": changed,
-        },
-        f"As printed, at 33 ms, P ends {mm(printed)} rms off the circle; without e²/ė it follows "
-        f"to {mm(changed)}.",
+    return tractor_follows(
+        evidence,
+        PUBLISHED,
+        OMITTED,
+        "As printed, at 33 ms, P ends {printed} rms off the circle; without e²/ė it follows to "
+        "{changed}.",
     )
 
 
+@claim("fig-4", (*PUBLISHED, *OMITTED))
 def _fig_4(evidence: Evidence) -> Judgement:
     printed = min(evidence.hitch_swing(run) for run in PUBLISHED)
     changed = min(evidence.hitch_swing(run) for run in OMITTED)
-    centre = np.mean([np.mean(_second_half(evidence.hitch_angle(run))) for run in OMITTED])
+    centre = np.mean([np.mean(second_half(evidence.hitch_angle(run))) for run in OMITTED])
     return Judgement(
         verdict_of(printed >= SWINGS_RAD, changed >= SWINGS_RAD),
         {
@@ -76,10 +69,11 @@ def _fig_4(evidence: Evidence) -> Judgement:
     )
 
 
+@claim("fig-6", (*SPRUNG_PUBLISHED, *SPRUNG_OMITTED, "spring-divided-contact"))
 def _fig_6(evidence: Evidence) -> Judgement:
     printed = max(evidence.hitch_swing(run) for run in SPRUNG_PUBLISHED)
     changed = max(evidence.hitch_swing(run) for run in (*SPRUNG_OMITTED, "spring-divided-contact"))
-    trailer = worst(evidence, SPRUNG_OMITTED, "steady_trailer_rmse_m")
+    trailer = evidence.worst(SPRUNG_OMITTED, TRAILER_ERROR)
     return Judgement(
         verdict_of(printed <= STILL_RAD, changed <= STILL_RAD),
         {
@@ -94,18 +88,19 @@ def _fig_6(evidence: Evidence) -> Judgement:
     )
 
 
+@claim("figs-7-8", (*PID, *CHOICES, *WITHOUT))
 def _figs_7_8(evidence: Evidence) -> Judgement:
-    printed = {run: _both_follow(evidence, run) for run in PID}
-    choices = {run: _both_follow(evidence, run) for run in CHOICES}
-    best_tractor = min(evidence.value(run, "steady_tractor_rmse_m") for run in PID)
-    best_trailer = min(evidence.value(run, "steady_trailer_rmse_m") for run in CHOICES)
-    without = worst(evidence, WITHOUT, "steady_tractor_rmse_m")
+    printed = [robot_follows(evidence, run) for run in PID]
+    changed = [robot_follows(evidence, run) for run in CHOICES]
+    best_tractor = min(evidence.value(run, TRACTOR_ERROR) for run in PID)
+    best_trailer = min(evidence.value(run, TRAILER_ERROR) for run in CHOICES)
+    without = evidence.worst(WITHOUT, TRACTOR_ERROR)
     return Judgement(
-        verdict_of(all(printed.values()), any(choices.values())),
+        verdict_of(all(printed), any(changed)),
         {
             "published_best_steady_tractor_rmse_m": best_tractor,
             "choices_tried": float(len(CHOICES)),
-            "choices_that_work": float(sum(choices.values())),
+            "choices_that_work": float(sum(changed)),
             "choices_best_steady_trailer_rmse_m": best_trailer,
             "without_correction_steady_tractor_rmse_m": without,
         },
@@ -117,17 +112,11 @@ def _figs_7_8(evidence: Evidence) -> Judgement:
     )
 
 
-def _both_follow(evidence: Evidence, run: str) -> bool:
-    return (
-        evidence.value(run, "steady_tractor_rmse_m") <= TRACTOR_FOLLOWS_M
-        and evidence.value(run, "steady_trailer_rmse_m") <= TRAILER_FOLLOWS_M
-    )
-
-
+@claim("finite-time", (), ("continuous",))
 def _finite_time(evidence: Evidence) -> Judgement:
     reached = np.array(evidence.study("continuous")["decade_times_s"])
     per_decade = np.diff(reached)
-    shrinks = bool((per_decade[1:] <= 0.5 * per_decade[:-1]).all())
+    shrinks = bool((per_decade[1:] <= DECADE_SHRINKS * per_decade[:-1]).all())
     return Judgement(
         verdict_of(False, shrinks),
         {
@@ -141,11 +130,10 @@ def _finite_time(evidence: Evidence) -> Judgement:
     )
 
 
+@claim("low-effort", ("lab-pid", "lab-pid-without"))
 def _low_effort(evidence: Evidence) -> Judgement:
     printed, changed = _effort(evidence, "lab-pid"), _effort(evidence, "lab-pid-without")
-    cut = float(
-        _second_half(evidence.trajectory("lab-pid").saturated[:, 0].astype(np.float64)).mean()
-    )
+    cut = float(second_half(evidence.trajectory("lab-pid").saturated[:, 0]).mean())
     return Judgement(
         verdict_of(printed <= EFFORT_RATIO, changed <= EFFORT_RATIO),
         {
@@ -166,13 +154,14 @@ def _effort(evidence: Evidence, run: str) -> float:
     speed = np.hypot(path.velocity_m_s[:, 0, 0], path.velocity_m_s[:, 0, 1])
     needed = wheels_from_twist(np.stack([speed, path.theta_rate[:, 0, 0]], -1), scenario.robot)
     given = trajectory.wheel_command_rad_s[:, 0]
-    return float(np.mean(_second_half(given) ** 2) / np.mean(_second_half(needed) ** 2))
+    return float(np.mean(second_half(given) ** 2) / np.mean(second_half(needed) ** 2))
 
 
+@claim("higher-gains", ("gains-half", "pid-without-analytic", "gains-double"))
 def _gains(evidence: Evidence) -> Judgement:
     base = "pid-without-analytic"
     half, one, double = (
-        evidence.value(run, "steady_tractor_rmse_m") for run in ("gains-half", base, "gains-double")
+        evidence.value(run, TRACTOR_ERROR) for run in ("gains-half", base, "gains-double")
     )
     return Judgement(
         verdict_of(double < one < half, False),
@@ -187,77 +176,12 @@ def _gains(evidence: Evidence) -> Judgement:
     )
 
 
-def _second_half(values: FloatArray) -> FloatArray:
-    return np.asarray(values[len(values) // 2 :])
-
-
 TRACKING_CLAIMS = (
-    Claim(
-        "fig-3",
-        "Section 3.1.1, Fig. 3",
-        "Under law (32) the tractor follows the circle.",
-        f"Holds if P is within {mm(TRACTOR_FOLLOWS_M)} rms over the second half of 50 s on both "
-        "plants as printed; with changes if without the singular terms.",
-        _fig_3,
-        (*PUBLISHED, *OMITTED),
-    ),
-    Claim(
-        "fig-4",
-        "Section 3.1.1, Fig. 4",
-        "Without the spring the trailer oscillates.",
-        f"Holds if the frictionless hitch swings by at least {SWINGS_RAD} rad peak to peak over "
-        "the second half on both plants as printed; with changes if without the singular terms.",
-        _fig_4,
-        (*PUBLISHED, *OMITTED),
-    ),
-    Claim(
-        "fig-6",
-        "Section 3.1.2, Fig. 6",
-        "Spring and damper at P remove the oscillation.",
-        f"Holds if the hitch moves by at most {STILL_RAD} rad over the second half on both plants "
-        "under the printed law; with changes if without its singular terms, with the spring both "
-        "as printed and divided correctly.",
-        _fig_6,
-        (*SPRUNG_PUBLISHED, *SPRUNG_OMITTED, "spring-divided-contact"),
-    ),
-    Claim(
-        "figs-7-8",
-        "Section 3.4, Figs. 7-8",
-        "In simulation, tractor and trailer both track under the Lyapunov-PID law.",
-        f"Holds if P is within {mm(TRACTOR_FOLLOWS_M)} and the trailer's COM within "
-        f"{mm(TRAILER_FOLLOWS_M)} rms over the second half in all eight runs of law (47) "
-        f"and (70); with changes if in one of {len(CHOICES)} combinations of named options on the "
-        "analytic model.",
-        _figs_7_8,
-        (*PID, *CHOICES, *WITHOUT),
-    ),
-    Claim(
-        "finite-time",
-        "Section 4",
-        "Tracking errors converge in finite time.",
-        "Holds if the published law brings |e| to a millionth; with changes if law (32) without "
-        "singular terms does, each decade taking at most half as long as the one before.",
-        _finite_time,
-        (),
-        ("continuous",),
-    ),
-    Claim(
-        "low-effort",
-        "Section 4",
-        "The robot follows with very low effort.",
-        "Lab circle: holds if the mean square of the wheels' commands over the second half is at "
-        f"most {EFFORT_RATIO} times that of the reference under law (70); with changes if under "
-        "law (32) without singular terms.",
-        _low_effort,
-        ("lab-pid", "lab-pid-without"),
-    ),
-    Claim(
-        "higher-gains",
-        "Section 3.4",
-        "Higher gains perform better, lower ones worse.",
-        "All α halved and doubled, lab circle, singular terms omitted: holds if the steady error "
-        "falls with the gains.",
-        _gains,
-        ("gains-half", "pid-without-analytic", "gains-double"),
-    ),
+    _fig_3,
+    _fig_4,
+    _fig_6,
+    _figs_7_8,
+    _finite_time,
+    _low_effort,
+    _gains,
 )

@@ -29,7 +29,7 @@ def errors(metric: str, panels: tuple[Panel, ...]) -> Callable[[Evidence], str]:
     return found
 
 
-def swing(evidence: Evidence) -> str:
+def free_trailer(evidence: Evidence) -> str:
     """Fig. 4: the free trailer."""
     free = evidence.hitch_swing("law32-omitted-contact")
     return (
@@ -39,10 +39,13 @@ def swing(evidence: Evidence) -> str:
     )
 
 
-def sprung(evidence: Evidence) -> str:
+def sprung_trailer(evidence: Evidence) -> str:
     """Fig. 6: the trailer on its spring."""
     still = evidence.hitch_swing("spring-printed-omitted-contact")
     return f"It follows, its hitch moving by {still:.1g} rad. " + errors(TRAILER, SPRUNG)(evidence)
+
+
+PATHS = {4: free_trailer, 6: sprung_trailer}  # figures of which more is said than their errors
 
 
 def angle_errors(metric: str, unit: str) -> Callable[[Evidence], str]:
@@ -117,7 +120,8 @@ def lyapunov(evidence: Evidence) -> str:
         evidence.lyapunov(f"law32-omitted-{plant}").end_share for plant in ("analytic", "contact")
     )
     return (
-        "Logged for every run in lyapunov.parquet, with V' measured and V' of Eq. 36. Under the "
+        "Logged by every law, with V' measured and V' of Eq. 36, in the columns lyapunov_* of "
+        "trajectory.parquet. Under the "
         f"published laws V rises again, by up to {worst:.1f} times its start. Law (32) without "
         f"e²/ė brings it down to {model:.0e} of its start on the model and {contact:.0e} on "
         "contact physics, in 50 s."

@@ -23,7 +23,7 @@ from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import LEFT, RIGHT, FloatArray
 from ttwmr_mj.studies.reproduce import friction
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.figures.figures import Figure as Wanted
+from ttwmr_mj.studies.reproduce.figures.figures import FigureSpec
 from ttwmr_mj.studies.reproduce.ideal.step_size import STEPS_S
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ WIDTH_IN = 7.2
 MOST_ROWS = 900  # of a curve in the file: more than a screen has columns
 
 
-def draw(wanted: Wanted, evidence: Evidence, folder: Path) -> Path:
+def draw(wanted: FigureSpec, evidence: Evidence, folder: Path) -> Path:
     """Draw one figure as NAME.svg, whole or not at all; the same results give the same bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     with canvas((WIDTH_IN, 3.2)) as figure:
@@ -51,7 +51,7 @@ def _draw_paths(body: str) -> Callable[..., None]:
     def path(q: FloatArray, robot: Any) -> FloatArray:
         return q[:, :2] if body == "tractor" else trailer_com(q, robot)
 
-    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
         rows = math.ceil(len(wanted.panels) / 2)
         figure.set_size_inches(WIDTH_IN, 0.6 + 0.48 * WIDTH_IN * rows)
         row = figure.subplots(rows, 2, squeeze=False).flat
@@ -71,7 +71,7 @@ def _draw_paths(body: str) -> Callable[..., None]:
 
 
 def _draw_coordinate(column: int, label: str) -> Callable[..., None]:
-    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
         axes = time_axes(figure, label)
         for run, name, colour in _in_order(wanted):
             trajectory = evidence.trajectory(run)
@@ -83,7 +83,7 @@ def _draw_coordinate(column: int, label: str) -> Callable[..., None]:
 
 
 def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
-    def drawer(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+    def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
         axes = time_axes(figure, label)
         for run, name, colour in _in_order(wanted):
             trajectory = evidence.trajectory(run)
@@ -97,7 +97,7 @@ def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
     return drawer
 
 
-def _draw_phase_plane(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+def _draw_phase_plane(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     del wanted
     study = evidence.study("phase-plane")
     figure.set_size_inches(WIDTH_IN, 3.9)
@@ -116,7 +116,7 @@ def _draw_phase_plane(figure: Figure, wanted: Wanted, evidence: Evidence) -> Non
     legend_below(figure, axes=axes)
 
 
-def _draw_step_size(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+def _draw_step_size(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     figure.set_size_inches(WIDTH_IN, 5.0)
     grid = figure.subplots(2, 3, sharex=True, sharey=True)
     shades = np.linspace(0.15, 1.0, len(STEPS_S))
@@ -145,7 +145,7 @@ def _step(step_s: float) -> str:
     return f"{1e3 * step_s:g} ms" if step_s >= 1e-3 else f"{1e6 * step_s:.0f} µs"
 
 
-def _draw_continuous(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+def _draw_continuous(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     del wanted
     left, right = figure.subplots(1, 2)
     cases = evidence.study("continuous")["cases"]
@@ -164,7 +164,7 @@ def _draw_continuous(figure: Figure, wanted: Wanted, evidence: Evidence) -> None
     legend_below(figure, columns=2, axes=left)
 
 
-def _draw_lyapunov(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+def _draw_lyapunov(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     axes = time_axes(figure, "V / V(0)")
     for run, name, colour in _in_order(wanted):
         log = evidence.lyapunov(run)
@@ -173,7 +173,7 @@ def _draw_lyapunov(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
     legend_below(figure, axes=axes)
 
 
-def _draw_friction(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
+def _draw_friction(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     del wanted
     left, right = figure.subplots(1, 2)
     rows, load = friction.balances(evidence)[:-1], friction.largest_load_n_m(evidence)
@@ -211,7 +211,7 @@ def _draw_friction(figure: Figure, wanted: Wanted, evidence: Evidence) -> None:
     legend_below(figure)
 
 
-DRAWERS: dict[str, Callable[[Figure, Wanted, Evidence], None]] = {
+DRAWERS: dict[str, Callable[[Figure, FigureSpec, Evidence], None]] = {
     "tractor_paths": _draw_paths("tractor"),
     "trailer_paths": _draw_paths("trailer"),
     "x": _draw_coordinate(0, "x of P [m]"),
@@ -228,7 +228,7 @@ DRAWERS: dict[str, Callable[[Figure, Wanted, Evidence], None]] = {
 }
 
 
-def _in_order(wanted: Wanted) -> list[tuple[str, str, str]]:
+def _in_order(wanted: FigureSpec) -> list[tuple[str, str, str]]:
     """(run, label, colour) of a figure with one panel."""
     runs = wanted.panels[0].runs
     return [(run, label, colour) for (run, label), colour in zip(runs, COLOURS, strict=False)]

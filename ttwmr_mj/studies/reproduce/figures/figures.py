@@ -22,7 +22,7 @@ from ttwmr_mj.studies.reproduce.ideal.studies import STEP_STUDIES
 
 
 @dataclass(frozen=True, slots=True)
-class Figure:
+class FigureSpec:
     """One figure.
 
     Attributes:
@@ -30,7 +30,7 @@ class Figure:
         title: its heading.
         reported: what the article says it shows.
         found: what our runs show.
-        kind: how it is drawn, a key of `reproduce_figures.DRAWERS`.
+        kind: how it is drawn, a key of `drawings.DRAWERS`.
         panels: the runs.
         studies: the studies it needs.
     """
@@ -54,118 +54,65 @@ class Figure:
         return any(name.startswith(("lab-", "eight-")) for name in self.runs)
 
 
+def _path_figure(
+    number: int, body: str, where: str, reported: str, panels: tuple[Panel, ...]
+) -> FigureSpec:
+    """A path in the plane of the tractor or the trailer."""
+    metric = captions.TRACTOR if body == "tractor" else captions.TRAILER
+    return FigureSpec(
+        f"fig{number}",
+        f"Fig. {number}. {body.capitalize()}'s path{where}",
+        reported,
+        captions.PATHS.get(number, captions.errors(metric, panels)),
+        f"{body}_paths",
+        panels,
+    )
+
+
+def _lab_figure(
+    number: int, title: str, kind: str, reported: str, found: Callable[[Evidence], str]
+) -> FigureSpec:
+    """One quantity of the laboratory's circle over time."""
+    return FigureSpec(f"fig{number}", f"Fig. {number}. {title}", reported, found, kind, LAB_IN_ONE)
+
+
+_SIMULATED, _ON_SPRING = " under the Lyapunov-PID laws, simulated", " with spring and damper at P"
+_EFFORT = "The actuators' effort is very low."
 _FIGURES = (
-    Figure(
-        "fig3",
-        "Fig. 3. Tractor's path, law (32)",
-        "The tractor follows the circle.",
-        captions.errors(captions.TRACTOR, LAW_32),
-        "tractor_paths",
-        LAW_32,
-    ),
-    Figure(
-        "fig4",
-        "Fig. 4. Trailer's path, law (32)",
-        "The trailer oscillates about its reference.",
-        captions.swing,
-        "trailer_paths",
-        LAW_32,
-    ),
-    Figure(
-        "fig5",
-        "Fig. 5. Tractor's path with spring and damper at P",
-        "The tractor follows the circle.",
-        captions.errors(captions.TRACTOR, SPRUNG),
-        "tractor_paths",
-        SPRUNG,
-    ),
-    Figure(
-        "fig6",
-        "Fig. 6. Trailer's path with spring and damper at P",
+    _path_figure(3, "tractor", ", law (32)", "The tractor follows the circle.", LAW_32),
+    _path_figure(4, "trailer", ", law (32)", "The trailer oscillates about its reference.", LAW_32),
+    _path_figure(5, "tractor", _ON_SPRING, "The tractor follows the circle.", SPRUNG),
+    _path_figure(
+        6,
+        "trailer",
+        _ON_SPRING,
         "The oscillation is gone and the system completely controlled.",
-        captions.sprung,
-        "trailer_paths",
         SPRUNG,
     ),
-    Figure(
-        "fig7",
-        "Fig. 7. Tractor's path under the Lyapunov-PID laws, simulated",
-        "The tractor tracks.",
-        captions.errors(captions.TRACTOR, PID),
-        "tractor_paths",
-        PID,
-    ),
-    Figure(
-        "fig8",
-        "Fig. 8. Trailer's path under the Lyapunov-PID laws, simulated",
-        "The trailer tracks.",
-        captions.errors(captions.TRAILER, PID),
-        "trailer_paths",
-        PID,
-    ),
-    Figure(
-        "fig11",
-        "Fig. 11. Tractor's path in the laboratory",
-        "The tractor tracks.",
-        captions.errors(captions.TRACTOR, LAB),
-        "tractor_paths",
-        LAB,
-    ),
-    Figure(
-        "fig12",
-        "Fig. 12. Trailer's path in the laboratory",
-        "The trailer tracks.",
-        captions.errors(captions.TRAILER, LAB),
-        "trailer_paths",
-        LAB,
-    ),
-    Figure(
-        "fig13", "Fig. 13. x of the tractor", "x tracks.", captions.axis_errors(0), "x", LAB_IN_ONE
-    ),
-    Figure(
-        "fig14", "Fig. 14. y of the tractor", "y tracks.", captions.axis_errors(1), "y", LAB_IN_ONE
-    ),
-    Figure(
-        "fig15",
-        "Fig. 15. θ1, the tractor's orientation",
+    _path_figure(7, "tractor", _SIMULATED, "The tractor tracks.", PID),
+    _path_figure(8, "trailer", _SIMULATED, "The trailer tracks.", PID),
+    _path_figure(11, "tractor", " in the laboratory", "The tractor tracks.", LAB),
+    _path_figure(12, "trailer", " in the laboratory", "The trailer tracks.", LAB),
+    _lab_figure(13, "x of the tractor", "x", "x tracks.", captions.axis_errors(0)),
+    _lab_figure(14, "y of the tractor", "y", "y tracks.", captions.axis_errors(1)),
+    _lab_figure(
+        15,
+        "θ1, the tractor's orientation",
+        "theta1",
         "θ1 tracks.",
         captions.angle_errors("steady_theta1_rmse_rad", "rad"),
-        "theta1",
-        LAB_IN_ONE,
     ),
-    Figure(
-        "fig16",
-        "Fig. 16. θ2, the trailer's orientation",
+    _lab_figure(
+        16,
+        "θ2, the trailer's orientation",
+        "theta2",
         "θ2 tracks.",
         captions.angle_errors("steady_theta2_rmse_rad", "rad"),
-        "theta2",
-        LAB_IN_ONE,
     ),
-    Figure(
-        "fig17",
-        "Fig. 17. Speed of the right wheel",
-        "The actuators' effort is very low.",
-        captions.wheels,
-        "wheel_right",
-        LAB_IN_ONE,
-    ),
-    Figure(
-        "fig18",
-        "Fig. 18. Speed of the left wheel",
-        "The actuators' effort is very low.",
-        captions.wheels,
-        "wheel_left",
-        LAB_IN_ONE,
-    ),
-    Figure(
-        "fig19",
-        "Fig. 19. Trailer's path on an eight",
-        "The trailer tracks an eight.",
-        captions.errors(captions.TRAILER, EIGHT),
-        "trailer_paths",
-        EIGHT,
-    ),
-    Figure(
+    _lab_figure(17, "Speed of the right wheel", "wheel_right", _EFFORT, captions.wheels),
+    _lab_figure(18, "Speed of the left wheel", "wheel_left", _EFFORT, captions.wheels),
+    _path_figure(19, "trailer", " on an eight", "The trailer tracks an eight.", EIGHT),
+    FigureSpec(
         "phase-plane",
         "Law (32) in the phase plane (e1, e2)",
         "Theorem 1: every error goes to zero.",
@@ -173,7 +120,7 @@ _FIGURES = (
         "phase_plane",
         studies=("phase-plane",),
     ),
-    Figure(
+    FigureSpec(
         "step-size",
         "The published laws on Eq. 31, from 33 ms down to 10 µs",
         "The laws are derived in continuous time and run at 33 ms.",
@@ -181,7 +128,7 @@ _FIGURES = (
         "step_size",
         studies=tuple(STEP_STUDIES),
     ),
-    Figure(
+    FigureSpec(
         "continuous",
         "Laws (47) and (70) in continuous time",
         "Theorem 3: asymptotic stability.",
@@ -189,7 +136,7 @@ _FIGURES = (
         "continuous",
         studies=("continuous",),
     ),
-    Figure(
+    FigureSpec(
         "lyapunov",
         "V(t) along the runs",
         "V' is negative definite (Eq. 36, 46, 52).",
@@ -197,7 +144,7 @@ _FIGURES = (
         "lyapunov",
         (Panel("", LYAPUNOV_RUNS),),
     ),
-    Figure(
+    FigureSpec(
         "friction",
         "What would make the trailer follow: friction in the hitch",
         "The trailer tracks in the experiment; its hitch's friction is not mentioned.",
@@ -207,4 +154,4 @@ _FIGURES = (
     ),
 )
 
-FIGURES: dict[str, Figure] = {figure.name: figure for figure in _FIGURES}
+FIGURES: dict[str, FigureSpec] = {figure.name: figure for figure in _FIGURES}

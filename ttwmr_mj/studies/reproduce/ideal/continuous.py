@@ -15,7 +15,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
-from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Path, State, solve
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, State, solve
 
 CIRCLES = {"lab circle (Eq. 72-73)": (0.43, 0.125, 0.35), "circle (Eq. 37)": (1.0, 0.5, 0.0)}
 THETA2 = {"aligned": 0.5 * math.pi, "outward": math.pi}
@@ -66,6 +66,6 @@ def decade_times() -> list[float]:
     return [float(path.time_s[np.argmax(share < 10.0**-n)]) for n in range(1, DECADES + 1)]
 
 
-def _distance(loop: IdealLoop, path: Path) -> Any:
+def _distance(loop: IdealLoop, path: Solution) -> Any:
     errors = np.array([loop.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)])
     return np.hypot(errors[:, 0], errors[:, 2])

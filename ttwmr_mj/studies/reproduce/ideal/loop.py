@@ -3,9 +3,10 @@
 Two ways through time: `solve` follows the closed loop as a differential equation, `sampled` holds
 the command over a step and moves exactly in between, so that its limit is the same equation.
 
-The laws are written here a second time, on plain floats: millions of evaluations are needed, and
-arrays of two numbers cost ten times as much. A test keeps them equal to `controllers.lyapunov` and
-`controllers.lyapunov_pid`.
+The laws are written here a second time, on plain floats: millions of evaluations are needed, at
+2 µs each; the controllers' take 17 µs on arrays, and all step sizes of a law as one batch would
+still take six times as long as one after the other on floats. A test keeps them equal to
+`controllers.lyapunov` and `controllers.lyapunov_pid`.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -89,35 +91,35 @@ class IdealLoop:
         e1, e2, e3, e4 = self.errors(time_s, z)
         angle = self.rate_rad_s * time_s + self.phase_rad
         pull = self.rate_rad_s**2 * self.radius_m
-        v1 = -pull * math.cos(angle) - o.alpha2 * e2 - o.alpha1 / o.alpha2 * _pulled(e1, e2, o)
-        v2 = -pull * math.sin(angle) - o.alpha4 * e4 - o.alpha3 / o.alpha4 * _pulled(e3, e4, o)
+        v1 = -pull * math.cos(angle) - o.alpha2 * e2 - o.alpha1 / o.alpha2 * pulled(e1, e2, o)
+        v2 = -pull * math.sin(angle) - o.alpha4 * e4 - o.alpha3 / o.alpha4 * pulled(e3, e4, o)
         sin, cos = math.sin(z[4]), math.cos(z[4])
         d = o.alpha4 * e4 * sin + o.alpha2 * e2 * cos
         e5 = _on_circle(z[4] - angle - self.theta2_offset_rad)
         if isinstance(o, LyapunovPidOptions):
             wanted = -o.k_d * (z[5] - self.rate_rad_s) - o.k_p * e5 - o.k_i * z[6]
-            turn = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
-            v1, v2 = v1 + turn * o.alpha4 * e4, v2 - turn * o.alpha2 * e2
+            gamma = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
+            v1, v2 = v1 + gamma * o.alpha4 * e4, v2 - gamma * o.alpha2 * e2
         limit = self.limit_m_s2
         return Command(max(-limit, min(limit, v1)), max(-limit, min(limit, v2)), d, e5)
 
     def rates(self, time_s: float, z: State) -> State:
         """Eq. 31 and the rate of the integral."""
         command = self.command(time_s, z)
-        swing = command.v2 * math.cos(z[4]) - command.v1 * math.sin(z[4])
+        across = command.v2 * math.cos(z[4]) - command.v1 * math.sin(z[4])
         return (
             z[1],
             command.v1,
             z[3],
             command.v2,
             z[5],
-            swing / self.swing_length_m,
+            across / self.swing_length_m,
             command.e5,
         )
 
 
-def _pulled(e: float, e_rate: float, options: LyapunovOptions) -> float:
-    """E + what stands for e²/ė (Eq. 32)."""
+def pulled(e: float, e_rate: float, options: LyapunovOptions) -> float:
+    """The error, and what stands for e²/ė beside it (Eq. 32)."""
     if options.singular_terms == "omitted":
         return e
     if options.singular_terms == "regularized":
@@ -141,7 +143,7 @@ def _on_circle(angle: float) -> float:
 
 
 @dataclass(frozen=True, slots=True)
-class Path:
+class Solution:
     """A solution: times (n,) [s], states (n, 7), and why it ended.
 
     Attributes:
@@ -153,13 +155,23 @@ class Path:
     end: str
 
 
+def ends_where(passes_zero: Callable[[float, Any], float]) -> Callable[[float, Any], float]:
+    """An event of `solve_ivp` that ends the solution where a function of (time, state) is zero."""
+
+    def event(time_s: float, state: Any) -> float:
+        return passes_zero(time_s, state)
+
+    event.terminal = True  # type: ignore[attr-defined]  # solve_ivp's protocol
+    return event
+
+
 def solve(
     loop: IdealLoop,
     start: State,
     duration_s: float,
     until: Callable[[float, State], float] | None = None,
     samples: int = 200,
-) -> Path:
+) -> Solution:
     """The closed loop as a differential equation (DOP853, relative tolerance 1e-8).
 
     Args:
@@ -171,15 +183,7 @@ def solve(
     """
     from scipy.integrate import solve_ivp
 
-    events = []
-    if until is not None:
-
-        def passes_zero(time_s: float, z: State) -> float:
-            return until(time_s, z)
-
-        passes_zero.terminal = True  # type: ignore[attr-defined]  # solve_ivp's protocol
-        events.append(passes_zero)
-    solution = solve_ivp(
+    found = solve_ivp(
         loop.rates,
         (0.0, duration_s),
         start,
@@ -187,19 +191,19 @@ def solve(
         rtol=1e-8,
         atol=1e-10,
         first_step=1e-6,
-        events=events or None,
+        events=None if until is None else ends_where(until),
         dense_output=until is not None,  # costs as much again
         t_eval=None if until else np.linspace(0.0, duration_s, samples),
     )
     if until is None:
-        return Path(solution.t, solution.y.T, "time" if solution.success else "singular")
-    times = np.linspace(0.0, float(solution.t[-1]), samples)
-    return Path(times, solution.sol(times).T, "time" if solution.status == 0 else "singular")
+        return Solution(found.t, found.y.T, "time" if found.success else "singular")
+    times = np.linspace(0.0, float(found.t[-1]), samples)
+    return Solution(times, found.sol(times).T, "time" if found.status == 0 else "singular")
 
 
 def sampled(
     loop: IdealLoop, start: State, duration_s: float, step_s: float, samples: int = 200
-) -> Path:
+) -> Solution:
     """The law evaluated every step and held: what a computer does with it.
 
     P moves exactly under the held acceleration; θ2 by the acceleration at the step's start.
@@ -221,9 +225,10 @@ def sampled(
                 break
         command = loop.command(now, z)
         v1, v2 = command.v1, command.v2
-        swing = (v2 * math.cos(angle) - v1 * math.sin(angle)) / swing_length
+        angle_acceleration = (v2 * math.cos(angle) - v1 * math.sin(angle)) / swing_length
         x, u = x + step_s * (u + half * v1), u + step_s * v1
         y, w = y + step_s * (w + half * v2), w + step_s * v2
-        angle, rate = angle + step_s * (rate + half * swing), rate + step_s * swing
+        angle += step_s * (rate + half * angle_acceleration)
+        rate += step_s * angle_acceleration
         integral += step_s * command.e5
-    return Path(np.array(times), np.array(rows), end)
+    return Solution(np.array(times), np.array(rows), end)

@@ -16,6 +16,10 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions
+from ttwmr_mj.studies.reproduce.ideal.loop import ends_where, pulled
+
+PRINTED = LyapunovOptions(kind="lyapunov", singular_terms="published")
 STARTS = 24
 HORIZON_S = 20.0
 RADIUS_M = 0.5  # of the ring of starts: e1 in m, e2 in m/s
@@ -37,7 +41,7 @@ class Axis:
         """(e1', e2') as printed."""
         del time_s
         e1, e2 = float(e[0]), float(e[1])
-        return e2, -self.alpha2 * e2 - self.alpha1 / self.alpha2 * (e1 + e1 * e1 / e2)
+        return e2, -self.alpha2 * e2 - self.alpha1 / self.alpha2 * pulled(e1, e2, PRINTED)
 
     def invariant_ray(self) -> float:
         """The only u with u' = 0, where e1 → 0 along a straight line."""
@@ -57,11 +61,6 @@ def study() -> dict[str, Any]:
 
     axis = Axis()
 
-    def stopped(time_s: float, e: Any) -> float:
-        del time_s
-        return float(e[1])
-
-    stopped.terminal = True  # type: ignore[attr-defined]  # solve_ivp's protocol
     paths, ends, left, v_left = [], [], [], []
     for i in range(STARTS):
         angle = 2.0 * math.pi * (i + 0.5) / STARTS  # none of them on e2 = 0
@@ -73,7 +72,7 @@ def study() -> dict[str, Any]:
             method="DOP853",
             rtol=1e-10,
             atol=1e-13,
-            events=stopped,
+            events=ends_where(lambda _, e: float(e[1])),
             first_step=1e-7,
         )
         e1, e2 = solution.y

@@ -14,7 +14,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
-from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Path, sampled
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, sampled
 
 STEPS_S = (33e-3, 10e-3, 3.3e-3, 1e-3, 330e-6, 100e-6, 33e-6, 10e-6)
 DURATION_S = 4.0
@@ -49,7 +49,7 @@ def study(name: str) -> dict[str, Any]:
     return {"law": name, "limit_m_s2": None if math.isinf(limit) else limit, "runs": runs}
 
 
-def _row(loop: IdealLoop, path: Path, step_s: float) -> dict[str, Any]:
+def _row(loop: IdealLoop, path: Solution, step_s: float) -> dict[str, Any]:
     errors = np.array([loop.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)])
     distance = np.hypot(errors[:, 0], errors[:, 2])
     finite = np.isfinite(distance)

@@ -4,20 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
+import sympy as sp
+
 from ttwmr_mj.studies.reproduce.proofs.proof import Proof, vanish
 
 
 def _trailer() -> dict[str, Any]:
-    import sympy as sp
-
     names = "v_1 v_2 theta_2 k alpha_2 alpha_4 e_2 e_4 gamma w"
     return dict(zip(names.split(), sp.symbols(names, real=True), strict=True))
 
 
 def eq_32() -> Proof:
     """Slope of u = e2/e1 under law (32), its one root, and the finite time to u = 0."""
-    import sympy as sp
-
     t = sp.Symbol("t")
     a1, a2 = sp.symbols("alpha_1 alpha_2", positive=True)
     u = sp.Symbol("u", real=True)
@@ -44,8 +42,6 @@ def eq_32() -> Proof:
 
 def eq_36() -> Proof:
     """V' of law (32): as printed, without and with regularised singular terms."""
-    import sympy as sp
-
     a1, a2, eps = sp.symbols("alpha_1 alpha_2 epsilon", positive=True)
     e1, e2 = sp.symbols("e_1 e_2", real=True)
 
@@ -68,14 +64,12 @@ def eq_36() -> Proof:
 
 def eq_48() -> Proof:
     """With γ = N/D the correction drives D² at a rate that does not vanish at D = 0."""
-    import sympy as sp
-
     n = _trailer()
     excess, d_symbol = sp.symbols("N D", real=True)
     sin, cos = sp.sin(n["theta_2"]), sp.cos(n["theta_2"])
-    turn = excess / d_symbol
-    d_rate = n["alpha_4"] * sin * (-n["alpha_2"] * n["e_2"] * turn) + n["alpha_2"] * cos * (
-        n["alpha_4"] * n["e_4"] * turn
+    gamma = excess / d_symbol
+    d_rate = n["alpha_4"] * sin * (-n["alpha_2"] * n["e_2"] * gamma) + n["alpha_2"] * cos * (
+        n["alpha_4"] * n["e_4"] * gamma
     )
     across = n["e_4"] * cos - n["e_2"] * sin
     expected = 2 * n["alpha_2"] * n["alpha_4"] * excess * across
@@ -87,8 +81,6 @@ def eq_48() -> Proof:
 
 def eq_53() -> Proof:
     """The corrective terms (Eq. 50-54) cancel in V', and only turn (e2, e4)."""
-    import sympy as sp
-
     n = _trailer()
     push = (n["alpha_4"] * n["e_4"] * n["gamma"], -n["alpha_2"] * n["e_2"] * n["gamma"])
     power = n["alpha_2"] * n["e_2"] * push[0] + n["alpha_4"] * n["e_4"] * push[1]
@@ -103,8 +95,6 @@ def eq_53() -> Proof:
 
 def eq_58() -> Proof:
     """The sign of the γ term, and that Eq. 61 with the mended sign gives θ̈2 = w."""
-    import sympy as sp
-
     n = _trailer()
     sin, cos = sp.sin(n["theta_2"]), sp.cos(n["theta_2"])
     v1 = n["v_1"] + n["alpha_4"] * n["e_4"] * n["gamma"]
@@ -122,8 +112,6 @@ def eq_58() -> Proof:
 
 def eq_65() -> Proof:
     """Table II's PID gains put all poles of Eq. 64-67 at −4."""
-    import sympy as sp
-
     s = sp.Symbol("s")
     return Proof(
         vanish(sp.expand((s + 4) ** 3) - (s**3 + 12 * s**2 + 48 * s + 64)),
@@ -133,8 +121,6 @@ def eq_65() -> Proof:
 
 def eq_68() -> Proof:
     """D holds θ2, not e5: the two differ unless θ2d = 0."""
-    import sympy as sp
-
     n = _trailer()
     th2d = sp.Symbol("theta_2d", real=True)
     with_theta = n["alpha_4"] * n["e_4"] * sp.sin(n["theta_2"])

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import sympy as sp
+
 from ttwmr_mj.studies.reproduce.proofs.proof import Proof, vanish
 
 
 def eq_23() -> Proof:
     """Lagrange (Eq. 11) on the energy of Eq. 13, reduced, against the printed bias of Eq. 23."""
-    import sympy as sp
-
     t = sp.Symbol("t")
     m1, m2, j1, j2, a1, length = sp.symbols("m_1 m_2 J_1 J_2 a_1 l", positive=True)
     x, y, th1, th2 = (sp.Function(name)(t) for name in ("x", "y", "theta_1", "theta_2"))
@@ -49,8 +49,6 @@ def eq_23() -> Proof:
 
 def eq_26() -> Proof:
     """ẍ and ÿ of Eq. 26 are Eq. 27-28."""
-    import sympy as sp
-
     t = sp.Symbol("t")
     u1, th1 = sp.Function("u_1")(t), sp.Function("theta_1")(t)
     a, b = (u1 * sp.cos(th1)).diff(t), (u1 * sp.sin(th1)).diff(t)
@@ -62,16 +60,14 @@ def eq_26() -> Proof:
 
 def eq_41() -> Proof:
     """Lagrange with dissipation (Eq. 38-40): what a torque between the bodies does to θ̈2."""
-    import sympy as sp
-
     m2, j2, length = sp.symbols("m_2 J_2 l", positive=True)
     kt, ct, th1, th2, w1, w2, ax, ay, acc = sp.symbols(
         "k_t c_t theta_1 theta_2 thetadot_1 thetadot_2 xddot yddot thetaddot_2", real=True
     )
     potential = kt * (th1 - th2) ** 2 / 2
     dissipation = ct * (w1 - w2) ** 2 / 2
-    swing = m2 * length * (ax * sp.sin(th2) - ay * sp.cos(th2)) + (j2 + m2 * length**2) * acc
-    derived = sp.solve(swing + potential.diff(th2) + dissipation.diff(w2), acc)[0]
+    balance = m2 * length * (ax * sp.sin(th2) - ay * sp.cos(th2)) + (j2 + m2 * length**2) * acc
+    derived = sp.solve(balance + potential.diff(th2) + dissipation.diff(w2), acc)[0]
     k = j2 / (m2 * length) + length
     torque = kt * (th1 - th2) + ct * (w1 - w2)
     free = (-ax * sp.sin(th2) + ay * sp.cos(th2)) / k
@@ -89,8 +85,6 @@ def eq_41() -> Proof:
 
 def circle_equilibrium() -> Proof:
     """A free trailer on a circle points outward; aligned is no equilibrium."""
-    import sympy as sp
-
     radius, rate, k = sp.symbols("R omega k", positive=True)
     t, phi = sp.symbols("t phi", real=True)
     ax, ay = (

@@ -1,12 +1,11 @@
-"""What a proof by sympy is; sympy is imported where it is used, as it is optional."""
+"""What a proof by sympy is; only `proofs.all_proofs` imports this, as sympy is optional."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    import sympy as sp
+import sympy as sp
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +23,4 @@ class Proof:
 
 def vanish(*expressions: Any) -> bool:
     """Whether every expression simplifies to zero."""
-    import sympy as sp
-
     return all(sp.simplify(expression) == 0 for expression in expressions)

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.controllers.lyapunov import LyapunovOptions
-from ttwmr_mj.files import write_parquet
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions, lyapunov_function
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import FloatArray
-
-LYAPUNOV_FILE = "lyapunov.parquet"
 
 
 @dataclass(frozen=True, slots=True)
 class LyapunovLog:
-    """The Lyapunov function of Eq. 33 and 44 along the first simulation of a run.
+    """The Lyapunov function of Eq. 33 and 44 along a run.
 
     V mixes m² and (m/s)², as the article's does; only its shape over time means something.
 
@@ -50,10 +46,12 @@ class LyapunovLog:
 
 
 def lyapunov_log(trajectory: Trajectory, options: LyapunovOptions) -> LyapunovLog:
-    """V and V' of the first simulation, from the true state."""
+    """V and V' of a run of one simulation, from the true state."""
     alive = np.isfinite(trajectory.q[:, 0]).all(axis=1)
     time_s = trajectory.time_s[alive]
-    v, claimed = (values[alive] for values in lyapunov_function(trajectory, options))
+    e = (trajectory.q - trajectory.ref_q)[alive, 0, :2]
+    e_rate = (trajectory.q_rate - trajectory.ref_q_rate)[alive, 0, :2]
+    v, claimed = lyapunov_function(e, e_rate, options)
     slope = np.diff(v) / np.diff(time_s)
     return LyapunovLog(
         time_s=time_s,
@@ -61,26 +59,3 @@ def lyapunov_log(trajectory: Trajectory, options: LyapunovOptions) -> LyapunovLo
         v_rate=np.append(slope, slope[-1:]),
         v_rate_claimed=claimed,
     )
-
-
-def lyapunov_function(rows: Trajectory, options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
-    """V (n,) of Eq. 33 and 44 and V' (n,) as Eq. 36 and 46 claim it, of the first simulation."""
-    e = (rows.q - rows.ref_q)[:, 0, :2]
-    e_rate = (rows.q_rate - rows.ref_q_rate)[:, 0, :2]
-    on_error = np.array([options.alpha1, options.alpha3])
-    on_rate = np.array([options.alpha2, options.alpha4])
-    v = 0.5 * (e**2 @ on_error + e_rate**2 @ on_rate)
-    return v, -(e**2 @ on_error) - e_rate**2 @ on_rate**2
-
-
-def write_lyapunov(log: LyapunovLog, folder: Path) -> None:
-    """lyapunov.parquet beside the run's trajectory."""
-    import pyarrow as pa
-
-    columns = {
-        "time_s": log.time_s,
-        "v": log.v,
-        "v_rate_1_s": log.v_rate,
-        "v_rate_eq36_1_s": log.v_rate_claimed,
-    }
-    write_parquet(pa.table(columns), folder / LYAPUNOV_FILE)

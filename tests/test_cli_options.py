@@ -1,0 +1,295 @@
+"""Every option of every subcommand: its help, how it is read, and what it does."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from ttwmr_mj.cli.commands.bench import Bench
+from ttwmr_mj.cli.commands.calibrate import Calibrate
+from ttwmr_mj.cli.commands.compare import Compare
+from ttwmr_mj.cli.commands.doctor import Doctor
+from ttwmr_mj.cli.commands.export_schema import ExportSchema
+from ttwmr_mj.cli.commands.list import List
+from ttwmr_mj.cli.commands.reproduce import Reproduce
+from ttwmr_mj.cli.commands.run import Run
+from ttwmr_mj.cli.commands.track import Track
+from ttwmr_mj.cli.commands.validate import Validate
+from ttwmr_mj.cli.commands.view import View
+from ttwmr_mj.cli.engine import load_subcommands
+from ttwmr_mj.cli.main import main, parse
+from ttwmr_mj.errors import InputError, MachineError
+
+NAMES = (
+    "bench",
+    "calibrate",
+    "compare",
+    "doctor",
+    "export-schema",
+    "list",
+    "reproduce",
+    "run",
+    "track",
+    "validate",
+    "view",
+)
+SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
+OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
+FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
+EVERYTHING = {
+    f"run mine.toml {SHARED} --out o --force --quiet --save-frames --debug": Run(
+        scenario="mine.toml", save_frames=True, debug=True, **OVERRIDES, **FOLDER
+    ),
+    f"validate a.toml b.toml {SHARED} --debug": Validate(
+        scenarios=("a.toml", "b.toml"), debug=True, **OVERRIDES
+    ),
+    f"compare a {SHARED} --mode closed_loop --real-wheels --no-attribution --converge --fit "
+    "--validate-on b --tolerance t.toml --out o --force --quiet --debug": Compare(
+        scenario="a",
+        mode="closed_loop",
+        real_wheels=True,
+        no_attribution=True,
+        converge=True,
+        fit=True,
+        validate_on="b",
+        tolerance=Path("t.toml"),
+        debug=True,
+        **OVERRIDES,
+        **FOLDER,
+    ),
+    "bench s.toml --out o --rescore --workers 2 --quiet --debug": Bench(
+        suite="s.toml", out=Path("o"), rescore=True, workers=2, quiet=True, debug=True
+    ),
+    f"calibrate c {SHARED} --images i --board b.png --out c.yaml --debug": Calibrate(
+        scenario="c",
+        images=Path("i"),
+        board=Path("b.png"),
+        out=Path("c.yaml"),
+        debug=True,
+        **OVERRIDES,
+    ),
+    "track v.avi --calibration c.yaml --scenario a --frames 7 --out o --force --quiet --debug": (
+        Track(
+            source="v.avi",
+            calibration=Path("c.yaml"),
+            scenario="a",
+            frames=7,
+            debug=True,
+            **FOLDER,
+        )
+    ),
+    "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
+        out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
+    ),
+    "list --debug": List(debug=True),
+    "view r.rrd --debug": View(recording=Path("r.rrd"), debug=True),
+    "doctor --debug": Doctor(debug=True),
+    "export-schema --out s.json --debug": ExportSchema(out=Path("s.json"), debug=True),
+}
+NOTHING = {
+    "run a": {
+        "scenario": "a",
+        "save_frames": False,
+        "overrides": (),
+        "fragment": None,
+        "seed": None,
+        "out": None,
+        "force": False,
+        "quiet": False,
+        "debug": False,
+    },
+    "compare a": {
+        "mode": "open_loop",
+        "real_wheels": False,
+        "no_attribution": False,
+        "converge": False,
+        "fit": False,
+        "validate_on": None,
+        "tolerance": None,
+    },
+    "bench": {"suite": "quick", "out": None, "rescore": False, "workers": None},
+    "calibrate": {
+        "scenario": "lab_circle_camera",
+        "images": None,
+        "board": None,
+        "out": Path("calibration.yaml"),
+    },
+    "track 0 --calibration c.yaml": {"source": "0", "scenario": "lab_circle", "frames": None},
+    "reproduce": {"out": Path("results/reproduce"), "only": ()},
+    "view": {"recording": None},
+    "export-schema": {"out": None},
+}
+
+
+@pytest.mark.parametrize("words", EVERYTHING)
+def test_every_option_is_read_as_its_type(words: str) -> None:
+    wanted = EVERYTHING[words]
+    assert parse(words.split()) == wanted
+    given = {entry.name for entry in fields(wanted) if getattr(wanted, entry.name) != entry.default}
+    assert given == {entry.name for entry in fields(wanted)}, "an option this test does not give"
+
+
+def test_no_subcommand_is_forgotten() -> None:
+    assert tuple(load_subcommands("ttwmr_mj.cli.commands")) == NAMES
+    assert {type(wanted) for wanted in EVERYTHING.values()} == {
+        *load_subcommands("ttwmr_mj.cli.commands").values()
+    }
+
+
+@pytest.mark.parametrize("words", NOTHING)
+def test_what_is_not_given_has_its_default(words: str) -> None:
+    options = parse(words.split())
+    assert {name: getattr(options, name) for name in NOTHING[words]} == NOTHING[words]
+
+
+@pytest.mark.parametrize(
+    ("words", "fault"),
+    [
+        ("run", "required: scenario"),
+        ("validate", "required: scenario"),
+        ("track v.avi", "required: --calibration"),
+        ("run a --seed x", "argument --seed: invalid int value: 'x'"),
+        ("compare a --mode sideways", "invalid choice: 'sideways'"),
+        ("run a --sped 3", "unrecognized arguments: --sped"),
+        ("list lab_circle", "unrecognized arguments: lab_circle"),
+    ],
+)
+def test_wrong_words_leave_with_exit_code_2(
+    words: str, fault: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        parse(words.split())
+    assert left.value.code == 2
+    assert fault in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_help_says_what_every_option_does(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as left:
+        parse([name, "--help"])
+    assert left.value.code == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    kind = load_subcommands("ttwmr_mj.cli.commands")[name]
+    assert kind.__doc__
+    assert kind.__doc__.splitlines()[0] in shown
+    for entry in fields(kind):
+        assert entry.metadata["help"] in shown, entry.name
+        assert entry.metadata.get("metavar") is None or entry.metadata["metavar"] in shown
+
+
+def test_the_overview_names_every_command_and_the_version_is_that_of_the_package(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        parse(["--help"])
+    assert left.value.code == 0
+    shown = " ".join(capsys.readouterr().out.split())
+    for name, kind in load_subcommands("ttwmr_mj.cli.commands").items():
+        summary = (kind.__doc__ or "").splitlines()[0].rstrip(".")
+        assert f"{name} {summary[0].lower()}{summary[1:]}" in shown
+    assert "ttwmr run lab_circle a shipped scenario, by name" in shown
+    with pytest.raises(SystemExit) as left:
+        main(["--version"])
+    assert left.value.code == 0
+    from importlib.metadata import version
+
+    assert capsys.readouterr().out == f"ttwmr-mj {version('ttwmr-mj')}\n"
+
+
+def test_compare_passes_on_what_was_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    from ttwmr_mj.studies import compare
+
+    asked: list[Any] = []
+
+    def compare_scenario(scenario: Any, folder: Path, options: Any, **_: Any) -> Any:
+        asked.append((scenario.name, scenario.seed, folder, options))
+        return SimpleNamespace(report={}, breaches=("one: got 2, allowed 1",))
+
+    monkeypatch.setattr(compare, "compare_scenario", compare_scenario)
+    monkeypatch.setattr(compare, "plain", lambda _: "in words")
+    monkeypatch.chdir(tmp_path)
+    words = "compare open_loop_turn --real-wheels --converge --fit --validate-on a --seed 5 "
+    words += "--tolerance t.toml --out o --set output.recording=false"
+    assert main(words.split()) == 1
+    (((name, seed, folder, options)),) = asked
+    assert (name, seed, folder) == ("open_loop_turn", 5, Path("o"))
+    assert options == compare.Options(
+        mode="open_loop",
+        real_wheels=True,
+        attribute=True,
+        converge=True,
+        fit=True,
+        validate_on="a",
+        tolerance=Path("t.toml"),
+        recording=False,
+        figures=True,
+    )
+    printed = capsys.readouterr()
+    assert printed.out.startswith("in words\n\nfolder: o\n")
+    assert "open_loop_turn exceeds t.toml; see o\n  one: got 2" in printed.err
+    assert main(["compare", "open_loop_turn", "--no-attribution", "--mode", "closed_loop"]) == 1
+    (_, _, folder, options) = asked[1]
+    assert folder.parent == Path("results/open_loop_turn-compared")
+    assert (options.mode, options.attribute, options.fit) == ("closed_loop", False, False)
+
+
+def test_a_fragment_and_the_frames_of_a_run(tmp_path: Path) -> None:
+    fragment = tmp_path / "fragment.toml"
+    fragment.write_text("duration_s = 0.2\n[output]\nrecording = false\nfigures = false\n")
+    words = ["run", "lab_circle_camera", "--fragment", str(fragment), "--save-frames"]
+    assert main([*words, "--out", str(tmp_path / "out"), "--quiet"]) == 0
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"frames", "metrics.json"}
+    assert not (tmp_path / "out" / "run.rrd").exists()
+    assert not (tmp_path / "out" / "figures").exists()
+
+
+def test_validate_says_what_is_wrong_with_each(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "a.toml").write_text("speed = 1\n")
+    wrong = [str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
+    assert main(["validate", wrong[0], "lab_circle", wrong[1]]) == 2
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert f"ttwmr: {wrong[0]}: " in printed.err
+    assert f"ttwmr: {wrong[1]}: no such scenario" in printed.err
+    with pytest.raises(InputError):
+        main(["validate", wrong[1], "--debug"])
+
+
+def test_who_stops_reading_hears_no_complaint() -> None:
+    pipe = f"{sys.executable} -m ttwmr_mj export-schema | head -n 1"
+    done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("{\n", "")
+
+
+def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scripts = tmp_path / "bin"
+    monkeypatch.setattr("sysconfig.get_path", lambda _: str(scripts))
+    monkeypatch.chdir(tmp_path)
+    for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
+        Path(name).parent.mkdir(parents=True, exist_ok=True)
+        Path(name).write_bytes(b"")
+        os.utime(name, (100 + k % 2, 100 + k % 2))  # c.rrd is the newest
+    with pytest.raises(MachineError, match="pip install rerun-sdk"):
+        main(["view", "--debug"])
+    scripts.mkdir()
+    (scripts / "rerun").write_text("#!/bin/sh\necho $1 > seen\nexit 3\n")
+    (scripts / "rerun").chmod(0o755)
+    for words, opened in (
+        (["view"], "results/new/c.rrd"),
+        (["view", "results/new"], "results/new/a.rrd"),
+        (["view", "results/old/b.rrd"], "results/old/b.rrd"),
+    ):
+        assert main(words) == 3
+        assert Path("seen").read_text() == f"{opened}\n"
+    assert main(["view", "bin"]) == 2

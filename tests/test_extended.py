@@ -1,0 +1,163 @@
+"""The extended model: its forces against the kinetic model and against virtual power."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics import hitch, kinematics, kinetics
+from ttwmr_mj.dynamics.extended import GRAVITY_M_S2, ExtendedModel, ExtendedParameters
+from ttwmr_mj.robot import Hitch, RobotParameters
+from ttwmr_mj.state import FloatArray
+
+ROBOT = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.3, damping_n_m_s_rad=0.02))
+RNG = np.random.default_rng(7)
+N = 20
+STATE = np.vstack([RNG.normal(size=(2, N)), RNG.uniform(-3.0, 3.0, (2, N)), RNG.normal(size=N)])
+WHEELS, WHEELS_RATE = RNG.uniform(-6.0, 6.0, (N, 2)), RNG.uniform(-50.0, 50.0, (N, 2))
+Q = STATE[:4].T
+HITCH = Q[:, 3] - Q[:, 2]
+TWIST = kinematics.twist_from_wheels(WHEELS, ROBOT)
+TWIST_RATE = kinematics.twist_from_wheels(WHEELS_RATE, ROBOT)
+LAG_S = 1e-9  # so small that what it changes is proportional to it
+
+
+def rate(lead_s: float = 0.0, **values: float) -> FloatArray:
+    """(5, N) rates of a robot that has nothing beyond Table I but these."""
+    ideal = dict.fromkeys(ExtendedParameters.model_fields, 0.0)
+    ideal |= {"wheel_radius_m": ROBOT.tractor.wheel_radius_m}
+    ideal |= {"track_width_m": ROBOT.tractor.track_width_m}
+    ideal |= {"hitch_damping_n_m_s_rad": ROBOT.hitch.damping_n_m_s_rad}
+    model = ExtendedModel(ROBOT, {**ideal, **values}, 0.0)
+    return model.rate(STATE, WHEELS, WHEELS_RATE, np.full((N, 2), lead_s))
+
+
+def push(**values: float) -> FloatArray:
+    """(N, 2) force f and torque τ that the wheels push with, from what they lag behind by."""
+    short = rate(servo_time_constant_s=LAG_S, **values) - rate(**values)
+    ahead = short[0] * np.cos(Q[:, 2]) + short[1] * np.sin(Q[:, 2])
+    wheels = kinematics.wheels_from_twist(np.stack([ahead, short[2]], axis=-1), ROBOT)
+    inertia = wheel_inertia(ROBOT)[0] + ROBOT.servo.reflected_inertia_kg_m2
+    force = -(wheels / LAG_S + WHEELS_RATE) * inertia / ROBOT.tractor.wheel_radius_m
+    return np.stack([force.sum(axis=1), ROBOT.half_track_m * (force[:, 0] - force[:, 1])], axis=-1)
+
+
+def resistance(resistance_m: float, spacing_m: float) -> FloatArray:
+    """(N, 3) generalized force over (s, θ1, θ2) of the balls' resistance, by virtual power.
+
+    Returns −Σ |F|·∂|v|/∂ξ̇ with the speeds of the balls from their places.
+    """
+    casters, trailer, tractor = ROBOT.casters, ROBOT.trailer, ROBOT.tractor
+    nose = tractor.mass_kg * tractor.com_offset_m / casters.tractor_position_m
+    balls = [(Q[:, 2], 1, (casters.tractor_position_m, 0.0), nose)]
+    for side in (-1.0, 1.0):
+        place = (-trailer.com_offset_m, side * spacing_m)
+        balls.append((Q[:, 3], 2, place, 0.5 * trailer.mass_kg))
+
+    def power(workspace_rate: FloatArray) -> FloatArray:
+        total = np.zeros(N)
+        for angle, column, (x, y), mass in balls:
+            cos, sin = np.cos(angle), np.sin(angle)
+            turn, speed = workspace_rate[:, column], workspace_rate[:, 0]
+            vx = speed * np.cos(Q[:, 2]) - turn * (x * sin + y * cos)
+            vy = speed * np.sin(Q[:, 2]) + turn * (x * cos - y * sin)
+            total -= mass * GRAVITY_M_S2 * resistance_m / casters.radius_m * np.hypot(vx, vy)
+        return total
+
+    xi, step = np.column_stack([TWIST, STATE[4]]), 1e-6
+    columns = [
+        (power(xi + step * unit) - power(xi - step * unit)) / (2.0 * step) for unit in np.eye(3)
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def kinetic_force() -> tuple[FloatArray, FloatArray]:
+    """f, τ (N, 2) and θ̈2 (N,) of Eq. 23 for the commanded motion."""
+    xi = np.column_stack([TWIST, STATE[4]])
+    torque = hitch.spring_damper_torque(HITCH, xi[:, 2] - xi[:, 1], ROBOT.hitch)
+    mass, bias = kinetics.reduced_mass_matrix(Q, ROBOT), kinetics.reduced_bias(Q, xi, ROBOT)
+    known = np.einsum("nij,nj->ni", mass[:, :, :2], TWIST_RATE) + bias
+    swing = (torque - known[:, 2]) / mass[:, 2, 2]
+    force = known[:, :2] + mass[:, :2, 2] * swing[:, None]
+    force[:, 1] += torque
+    return force, swing
+
+
+def test_without_extras_it_is_the_kinetic_model() -> None:
+    force, swing = kinetic_force()
+    got = rate()
+    np.testing.assert_allclose(got[:2].T, kinematics.q_rate(Q, np.c_[TWIST, STATE[4]])[:, :2])
+    np.testing.assert_allclose(got[2], TWIST[:, 1], rtol=1e-12)
+    np.testing.assert_array_equal(got[3], STATE[4])
+    np.testing.assert_allclose(got[4], swing, rtol=1e-10, atol=1e-10)
+    # a lag of 1 ns is seen with some seven digits
+    np.testing.assert_allclose(push(), force, rtol=1e-4, atol=1e-4)
+
+
+def test_rolling_resistance_does_the_power_it_should() -> None:
+    size = 1e-4
+    generalized = resistance(size, ROBOT.casters.trailer_half_spacing_m)
+    inertia = ROBOT.swing_inertia_kg_m2
+    turned = rate(rolling_resistance_m=size)[4] - rate()[4]
+    # velocities fade below 1e-4 m/s: of 0.1 m/s, one in a million
+    np.testing.assert_allclose(turned, generalized[:, 2] / inertia, rtol=1e-3, atol=1e-3)
+    # what the wheels push against; the trailer's two balls are taken together there
+    more = push(rolling_resistance_m=size) - push()
+    tail = ROBOT.trailer.mass_kg * ROBOT.trailer.com_offset_m
+    reaction = tail * np.sin(HITCH) * generalized[:, 2] / inertia
+    pushed = reaction - resistance(size, 0.0)[:, 0]
+    np.testing.assert_allclose(more[:, 0], pushed, rtol=1e-3, atol=1e-4)
+    np.testing.assert_allclose(more[:, 1], -generalized[:, 1], atol=1e-4)
+
+
+def test_balls_add_the_inertia_of_their_rolling() -> None:
+    mass, casters = 0.05, ROBOT.casters
+    balls = 2.0 * 0.4 * mass  # 2/5 of the mass, rolling on the floor at its place
+    length = ROBOT.trailer.com_offset_m
+    inertia = ROBOT.swing_inertia_kg_m2 + balls * (length**2 + casters.trailer_half_spacing_m**2)
+    pull = (ROBOT.trailer.mass_kg + balls) * length
+    sway = TWIST[:, 0] * TWIST[:, 1] * np.cos(HITCH) - TWIST_RATE[:, 0] * np.sin(HITCH)
+    torque = hitch.spring_damper_torque(HITCH, STATE[4] - TWIST[:, 1], ROBOT.hitch)
+    expected = (pull * sway + torque) / inertia
+    np.testing.assert_allclose(rate(caster_mass_kg=mass)[4], expected, rtol=1e-10, atol=1e-10)
+
+
+def test_side_slip_moves_p_outward_and_the_trailer_with_it() -> None:
+    slip, step = 1e-3, 1e-6
+
+    def velocity(time_s: float) -> FloatArray:
+        """(N, 2) of P: ahead at u1 and aside at −s·u1·u2, a moment later."""
+        u1, u2 = (TWIST + time_s * TWIST_RATE).T
+        heading = Q[:, 2] + time_s * u2
+        return np.stack(kinematics.to_world(heading, u1, -slip * u1 * u2), axis=-1)
+
+    got = rate(slip_time_s=slip)
+    np.testing.assert_allclose(got[:2].T, velocity(0.0), rtol=1e-12)
+    acceleration = (velocity(step) - velocity(-step)) / (2.0 * step)
+    cos, sin = np.cos(Q[:, 3]), np.sin(Q[:, 3])
+    sway = acceleration[:, 1] * cos - acceleration[:, 0] * sin
+    torque = hitch.spring_damper_torque(HITCH, STATE[4] - TWIST[:, 1], ROBOT.hitch)
+    expected = sway / ROBOT.swing_length_m + torque / ROBOT.swing_inertia_kg_m2
+    np.testing.assert_allclose(got[4], expected, rtol=1e-6, atol=1e-6)
+
+
+def test_the_swing_rate_and_its_kick_are_one_motion() -> None:
+    """With wheels ahead by a time, θ̇2 is another by the impulse that their jump gives."""
+    lead = 1e-3
+    jump = lead * TWIST_RATE[:, 0]
+    pull = ROBOT.trailer.mass_kg * ROBOT.trailer.com_offset_m / ROBOT.swing_inertia_kg_m2
+    got = rate(lead_s=lead)
+    np.testing.assert_allclose(got[3], STATE[4] - pull * jump * np.sin(HITCH), rtol=1e-12)
+    np.testing.assert_allclose(got[2], TWIST[:, 1] + lead * TWIST_RATE[:, 1], rtol=1e-9)
+
+
+@pytest.mark.parametrize("friction", [0.0, 1e-4])
+def test_dry_friction_slows_the_hitch_and_nothing_else(friction: float) -> None:
+    values = ExtendedParameters.expected(ROBOT).model_dump()
+    model = ExtendedModel(ROBOT, {**values, "hitch_coulomb_friction_n_m": friction}, 0.0)
+    assert model.dry == (friction > 0.0)
+    turn, time_s = np.array([0.5, 0.5, 0.5]), np.full(3, 0.03)
+    less = friction * 0.03 / float(model.swing_inertia_kg_m2)
+    got = model.rub(np.array([1.0, 0.0, 0.5]), turn, time_s)
+    np.testing.assert_allclose(got, [1.0 - less, less, 0.5], rtol=1e-12)

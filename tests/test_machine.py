@@ -1,0 +1,48 @@
+"""`ttwmr doctor` on machines that lack something."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.run import machine
+
+
+def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "lvp_icd.json").write_text("{}")
+    monkeypatch.setattr(machine, "VULKAN_DRIVERS", (tmp_path,))
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: f"lib{name}.so.1")
+    monkeypatch.setattr(machine, "probe", lambda _: SimpleNamespace(renderer="llvmpipe", fault=""))
+    text, healthy = machine.examine()
+    assert healthy
+    assert "libvulkan.so.1, drivers: lvp_icd.json" in text
+    assert "install" not in text
+
+
+def test_what_is_missing_is_named_with_how_to_install_it(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(machine, "VULKAN_DRIVERS", (tmp_path,))
+    monkeypatch.setattr("ctypes.util.find_library", lambda _: None)
+    monkeypatch.setattr(
+        machine, "probe", lambda _: SimpleNamespace(renderer=None, fault="no display")
+    )
+    absent = {"numpy", "tqdm"}
+    monkeypatch.setattr(machine, "library_version", lambda name: None if name in absent else "1.0")
+    assert main(["doctor"]) == 1
+    lines = capsys.readouterr().out.splitlines()
+    assert "  numpy                    MISSING" in lines
+    assert "  mujoco                   1.0" in lines
+    assert "  install them: pip install numpy tqdm" in lines
+    assert "  egl      does not work: no display" in lines
+    assert any(line.startswith("  install it: apt-get install lib") for line in lines)
+    assert "  no loader, drivers: none" in lines
+    assert "  install it: apt-get install libvulkan1 mesa-vulkan-drivers" in lines
+
+
+def test_a_missing_renderer_is_no_illness(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(machine, "probe", lambda _: SimpleNamespace(renderer=None, fault="x"))
+    assert machine.examine()[1]

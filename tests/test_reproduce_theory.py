@@ -1,0 +1,141 @@
+"""The reproduction's theory: it agrees with the controllers, and the errata are proved."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from ttwmr_mj.controllers import lyapunov_pid
+from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.studies.reproduce.errata import ERRATA
+from ttwmr_mj.studies.reproduce.ideal import phase_plane
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
+from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log
+from ttwmr_mj.studies.reproduce.proofs import proofs
+from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE
+
+LAWS = [
+    LyapunovOptions(kind="lyapunov"),
+    LyapunovOptions(kind="lyapunov", singular_terms="regularized"),
+    LyapunovOptions(kind="lyapunov", singular_terms="published"),
+    LyapunovPidOptions(kind="lyapunov_pid"),
+    LyapunovPidOptions(kind="lyapunov_pid", gamma="exact", alpha4=7.0),
+    LyapunovPidOptions(kind="lyapunov_pid", gamma="regularized", gamma_limit=3.0),
+]
+
+
+@pytest.mark.parametrize("options", LAWS, ids=str)
+def test_the_law_on_floats_is_the_controllers_law(options: LyapunovOptions) -> None:
+    loop, rng = IdealLoop(options, 0.43, 0.125, 0.35), np.random.default_rng(4)
+    for _ in range(50):
+        time_s, z = rng.uniform(0, 60), tuple(rng.uniform(-1, 1, 7))
+        angle = 0.125 * time_s + 0.35
+        radial = np.array([math.cos(angle), math.sin(angle)])
+        e1, e2, e3, e4 = loop.errors(time_s, z)
+        e, e_rate = np.array([e1, e3]), np.array([e2, e4])
+        v = law(e, e_rate, -0.43 * 0.125**2 * radial, options)
+        if isinstance(options, LyapunovPidOptions):
+            theta2 = np.array(z[4])
+            e5 = (z[4] - angle - 0.5 * np.pi + np.pi) % (2 * np.pi) - np.pi
+            wanted = lyapunov_pid.pid_acceleration(e5, z[5] - 0.125, z[6], 0.0, options)
+            excess = lyapunov_pid.sideways(v, theta2) - RobotParameters().swing_length_m * wanted
+            d = lyapunov_pid.denominator(e_rate, theta2, options)
+            turn, _ = lyapunov_pid.gamma(np.asarray(excess), d, options)
+            v = lyapunov_pid.corrected(v, e_rate, turn, options)
+        command = loop.command(time_s, z)
+        assert [command.v1, command.v2] == pytest.approx(v, rel=1e-9, abs=1e-9)
+
+
+def test_sampling_finer_leads_to_the_differential_equation() -> None:
+    loop = IdealLoop(LAWS[0], 1.0, 0.5)
+    start = loop.at_rest(0.6, -0.3)
+    exact = solve(loop, start, 3.0).z[-1]
+    misses = [np.abs(sampled(loop, start, 3.0, h).z[-1] - exact)[:4].max() for h in (1e-2, 1e-3)]
+    assert misses[1] / misses[0] == pytest.approx(0.1, rel=0.2)  # a held command: first order
+
+
+def test_an_ideal_loop_without_error_keeps_it_so() -> None:
+    loop = IdealLoop(LAWS[0], 1.0, 0.5)
+    on_the_circle = (1.0, 0.0, 0.0, 0.5, 0.5 * math.pi, 0.5, 0.0)
+    end = solve(loop, on_the_circle, 5.0)
+    assert np.hypot(*np.array(loop.errors(5.0, end.z[-1]))[[0, 2]]) < 1e-7
+    assert loop.lyapunov(0.0, on_the_circle) == pytest.approx(0.0, abs=1e-30)
+
+
+def test_all_paths_of_the_printed_law_end_on_e2_zero_but_for_one_ray() -> None:
+    study, axis = phase_plane.study(), phase_plane.Axis()
+    assert max(study["end_time_s"]) < 1.0
+    # e2 falls to zero like a square root of time: the last step that floats can take is this far
+    assert all(abs(path[1][-1]) < 1e-7 for path in study["paths"])
+    assert min(abs(e1) for e1 in study["left_e1_m"]) > 0.01
+    assert axis.slope(axis.invariant_ray()) == pytest.approx(0.0, abs=1e-9)
+    assert all(axis.slope(u) < 0.0 for u in np.geomspace(1e-6, 1e6, 100))
+    assert all(axis.slope(-u) > 0.0 for u in np.geomspace(1e-6, 9.7, 100))
+
+
+def test_the_printed_law_stands_still_where_it_first_stops_at_every_small_step() -> None:
+    loop = IdealLoop(LAWS[2], 1.0, 0.5, limit_m_s2=9.0)
+    start = loop.at_rest(0.6, -0.3)
+    ends = []
+    for step in (1e-3, 1e-4):
+        path = sampled(loop, start, 2.0, step)
+        ends.append(math.hypot(*loop.errors(path.time_s[-1], tuple(path.z[-1]))[::2]))
+    assert ends[0] == pytest.approx(ends[1], rel=5e-3)
+    assert ends[0] > 0.4
+
+
+def test_exact_gamma_ends_within_a_fraction_of_a_second() -> None:
+    loop = IdealLoop(LyapunovPidOptions(kind="lyapunov_pid", gamma="exact"), 1.0, 0.5)
+    path = solve(loop, loop.at_rest(0.6, -0.3), 5.0, until=lambda t, z: loop.command(t, z).d)
+    assert path.end == "singular"
+    assert path.time_s[-1] < 0.2
+
+
+@pytest.mark.parametrize("name", list(proofs.all_proofs()))
+def test_the_errata_are_proved(name: str) -> None:
+    assert proofs.all_proofs()[name]().proved
+
+
+def test_without_sympy_the_study_says_what_to_install() -> None:
+    code = (
+        "import sys; sys.modules['sympy'] = None\n"
+        "from ttwmr_mj.studies.reproduce.proofs import proofs\n"
+        "from ttwmr_mj.errors import MachineError\n"
+        "try: proofs.study()\nexcept MachineError as error: print(error)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "pip install 'ttwmr-mj[reproduce]'" in done.stdout
+
+
+def test_every_erratum_names_a_proof_and_every_error_has_an_erratum() -> None:
+    assert {erratum.proof for erratum in ERRATA} <= set(proofs.all_proofs())
+    where = " ".join(erratum.where for erratum in ERRATA)
+    for equation in (23, 32, 41, 48, 58, 68):
+        assert f"Eq. {equation}" in where
+
+
+def test_200_as_printed_is_this_torque() -> None:
+    trailer = RobotParameters().trailer
+    torque = 200.0 * trailer.mass_kg * trailer.com_offset_m
+    assert torque == pytest.approx(PRINTED_AS_TORQUE, abs=5e-4)
+
+
+def test_v_along_a_trajectory_by_hand() -> None:
+    rows = Trajectory.empty(np.array([0.0, 0.5]), 1)
+    for name in ("q", "q_rate", "ref_q", "ref_q_rate"):
+        getattr(rows, name)[:] = 0.0
+    rows.q[0, 0, :2] = 0.2, -0.1
+    rows.q_rate[0, 0, :2] = 0.3, 0.4
+    log = lyapunov_log(rows, LAWS[0])
+    v = 0.5 * (25 * 0.04 + 10 * 0.09 + 25 * 0.01 + 10 * 0.16)
+    assert log.v == pytest.approx([v, 0.0])
+    assert log.v_rate == pytest.approx([-2 * v, -2 * v])
+    assert log.v_rate_claimed[0] == pytest.approx(-25 * 0.04 - 9.0 - 25 * 0.01 - 16.0)
+    assert log.rise_share == 0.0

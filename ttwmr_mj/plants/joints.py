@@ -1,0 +1,74 @@
+"""Where the robot's coordinates are among MuJoCo's: q ↔ qpos, rates ↔ qvel.
+
+The tractor is a free body whose frame sits at P, trailers hang on hinges whose coordinate is
+θ(i+1) − θi. The order within qpos and qvel is the model's own affair, so every place is looked up.
+"""
+
+from __future__ import annotations
+
+import mujoco
+import numpy as np
+
+from ttwmr_mj.plants.mjcf import CASTERS, HITCHES, WHEELS
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
+
+YAW_RATE = 5  # of a free joint's six velocities
+HEIGHT, W, X, Y, Z = 2, 3, 4, 5, 6  # of a free joint's seven positions: height, quaternion
+
+
+class Joints:
+    """Places in qpos and qvel of one model.
+
+    Attributes:
+        free_qpos: where the tractor's seven positions start.
+        wheel_qpos, wheel_qvel: of the wheels (right, left).
+        ball_qvel: where the three velocities of each caster's ball start.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        def places(names: tuple[str, ...]) -> tuple[list[int], list[int]]:
+            joints = [model.joint(name) for name in names]
+            return [int(j.qposadr[0]) for j in joints], [int(j.dofadr[0]) for j in joints]
+
+        (self.free_qpos,), (self._free_qvel,) = places(("tractor",))
+        self._hitch_qpos, self._hitch_qvel = places(HITCHES)
+        self.wheel_qpos, self.wheel_qvel = places(WHEELS)
+        _, self.ball_qvel = places(CASTERS)
+
+    def planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The q and its rate (..., 3 + n) of qpos (..., nq) and qvel (..., nv); θ1 is wrapped."""
+        free, speed = self.free_qpos, self._free_qvel
+        width = 3 + len(self._hitch_qpos)
+        q, q_rate = (np.empty((*qpos.shape[:-1], width)) for _ in range(2))
+        q[..., :2] = qpos[..., free : free + 2]
+        # the quaternion's twist about the vertical; a flat robot's tilt does not enter
+        theta1 = 2.0 * np.arctan2(qpos[..., free + Z], qpos[..., free + W])
+        turn = qvel[..., speed + YAW_RATE]
+        q_rate[..., :2] = qvel[..., speed : speed + 2]
+        q[..., THETA1], q_rate[..., THETA1] = theta1, turn
+        q[..., THETA2:] = theta1[..., None] + qpos[..., self._hitch_qpos].cumsum(axis=-1)
+        q_rate[..., THETA2:] = turn[..., None] + qvel[..., self._hitch_qvel].cumsum(axis=-1)
+        return q, q_rate
+
+    def standing(self, pattern: FloatArray, q: FloatArray) -> FloatArray:
+        """The qpos (nsim, nq) of robots at q (nsim, 3 + n) that stand like a pattern of yaw 0."""
+        free = self.free_qpos
+        qpos = np.tile(pattern, (len(q), 1))
+        qpos[:, free : free + 2] = q[:, :2]
+        half = 0.5 * q[:, THETA1]
+        cos, sin = np.cos(half), np.sin(half)
+        w, x, y, z = pattern[free + W : free + Z + 1]
+        # yaw about the world's vertical, on top of the pattern's tilt
+        turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
+        qpos[:, free + W : free + Z + 1] = np.stack(turned, axis=-1)
+        qpos[:, self._hitch_qpos] = np.diff(q[:, THETA1:], axis=-1)
+        return qpos
+
+    def moving(self, q_rate: FloatArray, wheels: FloatArray, nv: int) -> FloatArray:
+        """The qvel (nsim, nv) of rates (nsim, 3 + n) and wheel speeds (nsim, 2); balls stand."""
+        qvel = np.zeros((len(q_rate), nv))
+        qvel[:, self._free_qvel : self._free_qvel + 2] = q_rate[:, :2]
+        qvel[:, self._free_qvel + YAW_RATE] = q_rate[:, THETA1]
+        qvel[:, self._hitch_qvel] = np.diff(q_rate[:, THETA1:], axis=-1)
+        qvel[:, self.wheel_qvel] = wheels
+        return qvel
