@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from vision_scene import camera, lab_calibration, random_pose, with_faults
+from vision_scene import camera, lab_calibration, model, random_pose, with_faults
 
 from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.labels import LabelLayout
+from ttwmr_mj.vision.camera.labels import LabelLayout, read_layout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
@@ -129,6 +129,51 @@ def test_a_faded_label_and_a_warm_light_move_nothing() -> None:
     assert frame.truth is not None
     _, centres = find(Frame(warm, 0.0, None), detector, source.true, source.layout)
     assert centres == pytest.approx(frame.truth.centres_px, abs=0.15)
+
+
+def painted(
+    centres: FloatArray, layout: LabelLayout, radius_px: float, longer: float, angle_rad: float
+) -> FloatArray:
+    """Labels (4, 2) as ellipses of a disc's area on a grey floor, each pixel's light averaged."""
+    fine = (np.arange(8) + 0.5) / 8 - 0.5
+    y, x = np.ogrid[:120, :160]
+    image = np.full((120, 160, 3), 110.0)
+    for centre, colour in zip(centres, layout.colour_bgr, strict=True):
+        cover = np.zeros((120, 160))
+        for dx in fine:
+            for dy in fine:
+                u, v = x + dx - centre[0], y + dy - centre[1]
+                along = np.cos(angle_rad) * u + np.sin(angle_rad) * v
+                across = np.cos(angle_rad) * v - np.sin(angle_rad) * u
+                cover += (along / longer) ** 2 + (across * longer) ** 2 < radius_px**2
+        image += (cover / 64)[..., None] * (230.0 * colour - image)
+    return np.rint(image).astype(np.uint8)
+
+
+@pytest.mark.parametrize("shift", [(0.0, 0.0), (0.3, -0.4), (-0.5, 0.25)])
+def test_discs_are_found_at_their_centres(shift: tuple[float, float]) -> None:
+    layout = read_layout(model())
+    centres = np.array([[30.0, 30.0], [110.0, 40.0], [50.0, 90.0], [120.0, 85.0]]) + shift
+    image, detector = painted(centres, layout, 6.0, 1.0, 0.0), Detector(layout, 6.0)
+    found, sound = detector.track(image, centres + [1.3, -0.8], 3.0)
+    assert sound.all()
+    # an edge sampled eight by eight, of which the faintest tenth is cut off
+    assert found == pytest.approx(centres, abs=0.02)
+    anywhere = detector.search(image)
+    assert anywhere.label.tolist() == [0, 1, 2, 3]
+    assert anywhere.centre_px == pytest.approx(centres, abs=0.02)
+
+
+@pytest.mark.parametrize("angle_deg", [0, 45, 90, 135])
+def test_what_is_longer_than_wide_is_no_label(angle_deg: float) -> None:
+    layout = read_layout(model())
+    centres = np.array([[30.2, 30.0], [110.0, 40.4], [50.7, 90.0], [120.0, 85.1]])
+    detector = Detector(layout, 6.0)
+    # variances along and across as 1.08 and as 1.36 to 1; LONGEST is 1.2
+    for longer, passes in ((1.02, True), (1.08, False)):
+        image = painted(centres, layout, 6.0, longer, np.radians(angle_deg))
+        _, sound = detector.track(image, centres, 3.0)
+        assert sound.tolist() == [passes] * 4
 
 
 def test_neutral_colour_follows_the_light() -> None:

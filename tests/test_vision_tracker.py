@@ -56,11 +56,19 @@ class Scene:
         self.tracker = Tracker(self.camera, self.layout, ROBOT, TrackerOptions(**options))
         self.labels = self.tracker.detector = Labels()
 
-    def see(self, time_s: float, q: FloatArray = POSE, off_m: float = 0.0, labels: int = 4) -> None:
+    def see(
+        self,
+        time_s: float,
+        q: FloatArray = POSE,
+        off_m: float = 0.0,
+        labels: int = 4,
+        hidden: tuple[int, ...] = (),
+    ) -> None:
         """A frame of a robot at q, of which the last so many labels are off to the side."""
         points = self.layout.centres_m(q)
         points[4 - labels :, 1] += off_m
         self.labels.centres = self.camera.project(points)
+        self.labels.centres[list(hidden)] = np.nan
         self.tracker.see(PICTURE, time_s)
 
     def settle(self) -> None:
@@ -176,6 +184,23 @@ def test_a_picture_without_the_motion_there_must_be_is_frozen() -> None:
     assert moving.tracker.status is Status.BLIND
     assert still.tracker.sighting.labels == 4
     assert still.tracker.status is Status.TRACKED
+
+
+def test_a_label_that_was_hidden_before_is_not_frozen() -> None:
+    scene = Scene()
+    scene.see(0.0, hidden=(3,))
+    assert scene.tracker.sighting.labels == 3
+    scene.see(STEP_S, hidden=(0, 1, 2))
+    assert scene.tracker.sighting.labels == 1
+
+
+def test_the_first_misfits_count_from_zero() -> None:
+    scene, quick_s = Scene(), 0.005
+    scene.see(0.0)
+    for k in range(1, MAX_MISFITS + 1):
+        scene.see(quick_s * k, off_m=0.05)
+        started_afresh = bool(np.isnan(scene.tracker.sighting.predicted_px).all())
+        assert started_afresh == (k == MAX_MISFITS)
 
 
 def test_labels_are_looked_for_as_far_as_they_may_be() -> None:

@@ -210,10 +210,9 @@ def _rotation(pose: FloatArray) -> FloatArray:
 
 
 def _at(inner: CameraModel, pose: FloatArray) -> CameraModel:
-    """The camera at OpenCV's pose (6,) of the printed face, which is a thickness above z = 0."""
+    """The camera of which OpenCV says that the world's pose is this (6,)."""
     rotation = _rotation(pose)
-    position = -rotation.T @ pose[3:] + [0.0, 0.0, THICKNESS_M]
-    return replace(inner, rotation=rotation, position_m=position)
+    return replace(inner, rotation=rotation, position_m=-rotation.T @ pose[3:])
 
 
 def _lying(points_m: FloatArray, x_m: float, y_m: float, angle_rad: float) -> FloatArray:
