@@ -130,7 +130,9 @@ def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
 
 
 def test_list_names_every_scenario_with_its_description(tmp_path: Path) -> None:
-    lines = ttwmr("list", cwd=tmp_path).stdout.splitlines()
+    done = ttwmr("list", cwd=tmp_path)
+    assert done.returncode == 0
+    lines = done.stdout.splitlines()
     assert [line.split()[0] for line in lines] == list(shipped_scenarios())
     texts = {line.split("  ", 1)[1].strip() for line in lines}
     assert texts == {load_scenario(name).description for name in shipped_scenarios()}
@@ -139,9 +141,12 @@ def test_list_names_every_scenario_with_its_description(tmp_path: Path) -> None:
 
 
 def test_export_schema_is_json_schema(tmp_path: Path) -> None:
-    schema = json.loads(ttwmr("export-schema", cwd=tmp_path).stdout)
+    printed = ttwmr("export-schema", cwd=tmp_path)
+    assert printed.returncode == 0
+    schema = json.loads(printed.stdout)
     assert schema["title"] == "Scenario"
-    assert ttwmr("export-schema", "--out", "schema.json", cwd=tmp_path).stdout == ""
+    written = ttwmr("export-schema", "--out", "schema.json", cwd=tmp_path)
+    assert (written.returncode, written.stdout, written.stderr) == (0, "", "")
     assert json.loads((tmp_path / "schema.json").read_text()) == schema
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +21,12 @@ def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert healthy
     assert "libvulkan.so.1, drivers: lvp_icd.json" in text
     assert "install" not in text
+    assert [line for line in text.splitlines()[1:] if line and not line.startswith(" ")] == [
+        f"processors: {os.cpu_count()}",
+        "Libraries",
+        "OpenGL, to render camera frames (not needed with truth sensing)",
+        "Vulkan, for the Rerun viewer (not needed to record)",
+    ]
 
 
 def test_what_is_missing_is_named_with_how_to_install_it(

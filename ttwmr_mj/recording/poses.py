@@ -26,7 +26,7 @@ class BodyPoses:
         self._last: tuple[FloatArray, FloatArray] | None = None
 
     def at(self, rows: Trajectory) -> tuple[FloatArray, FloatArray]:
-        """Poses at the next rows of the run, first simulation.
+        """Poses at the next rows of the run, of one simulation.
 
         Returns:
             (n, nbody, 3) origins [m] and (n, nbody, 4) quaternions (w, x, y, z), world frame.

@@ -10,15 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
-from ttwmr_mj.figures.style import (
-    GREEN,
-    ORANGE,
-    REFERENCE,
-    SKY,
-    TRACTOR,
-    TRAILER,
-    VERMILION,
-)
+from ttwmr_mj.figures.style import GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import LEFT, RIGHT, FloatArray
 from ttwmr_mj.studies.reproduce import friction
