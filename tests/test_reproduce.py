@@ -13,13 +13,15 @@ from pathlib import Path
 
 import pytest
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.studies.reproduce import execute, friction, runs
+from ttwmr_mj.studies.pool.jobs import Failed, Job
+from ttwmr_mj.studies.reproduce import execute, friction, runs, study
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.judging import Judgement
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
+from ttwmr_mj.studies.reproduce.figures.panels import Panel
 from ttwmr_mj.studies.reproduce.runs import CAMERA, RUNS, RunSpec
 from ttwmr_mj.studies.reproduce.study import reproduce
 
@@ -71,6 +73,31 @@ def test_what_cannot_be_run_is_named_and_the_rest_goes_on(
     assert "Not run: lab-pid." in page
     assert "<td>not run</td>" in page
     assert "<td>ok</td>" in page
+
+
+@pytest.mark.parametrize(
+    ("name", "error", "failed"),
+    [
+        ("continuous", MachineError("no such library"), False),
+        ("continuous", None, True),  # it broke
+        ("lab-pid", MachineError("no such library"), True),
+    ],
+)
+def test_only_a_study_without_its_library_is_no_failure(
+    name: str,
+    error: MachineError | None,
+    failed: bool,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    event = Failed(Job(name, print), "no such library", error)
+    monkeypatch.setattr(study, "execute", lambda *_: [event])
+    figure = "continuous" if name == "continuous" else "fig15"
+    only = (Panel("", ((name, ""),)),) if figure == "fig15" else ()  # no other run is there
+    monkeypatch.setitem(FIGURES, figure, replace(FIGURES[figure], panels=only))
+    done = reproduce(tmp_path / "out", [figure], quiet=True)
+    assert done.failures == {name: "no such library"}
+    assert done.runs_failed == failed
 
 
 def test_one_figure_alone(tmp_path: Path) -> None:

@@ -197,6 +197,8 @@ def test_one_choice_that_works_is_enough_and_all_printed_runs_are_needed() -> No
     assert verdicts(
         "figs-7-8", "values", printed, works, {**works, **trailer_off}, {**works, **tractor_off}
     ) == ["holds", "holds with changes", "fails", "fails"]
+    (*others, _) = printed
+    assert judged("figs-7-8", values=dict.fromkeys(others, 0.010)).verdict == "fails"
     numbers = judged("figs-7-8", values=works).numbers
     assert (numbers["choices_tried"], numbers["choices_that_work"]) == (18.0, 1.0)
     assert numbers["choices_best_steady_trailer_rmse_m"] == 0.020

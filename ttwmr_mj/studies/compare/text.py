@@ -79,7 +79,8 @@ def plain(report: dict[str, Any]) -> str:
             "order of convergence of θ2": orders["theta2_deviation_max_rad"],
             "P per path at the finest level": study["position_deviation_per_path"][-1],
         }
-        lines += ["", *(f"{label:42s} {_number(value)}" for label, value in numbers.items())]
+        shown = {k: "undefined" if v is None else f"{v:.4g}" for k, v in numbers.items()}
+        lines += ["", *(f"{label:42s} {value}" for label, value in shown.items())]
     if report["fit"]:
         lines += ["", "fitted parameters, with their 95 % intervals"]
         for name, e in report["fit"]["parameters"].items():
