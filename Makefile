@@ -3,7 +3,7 @@
 
 run:      ; python3 bootstrap.py run
 test:     ; python3 bootstrap.py test
-lint:     ; .venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy
+lint:     ; .venv/bin/ruff check . && .venv/bin/ruff format --check . && .venv/bin/mypy && .venv/bin/lint-imports
 format:   ; .venv/bin/ruff check --fix . && .venv/bin/ruff format .
 bench:    ; .venv/bin/python benchmarks/loop_overhead.py
 clean:    ; rm -rf .venv results build dist .pytest_cache .ruff_cache .mypy_cache

@@ -13,6 +13,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.controllers.base import CONTROLLERS
+from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.scenario.file import load_scenario
 
 QUICK = ["--set", "duration_s=1.0", "--set", "output.figures=false"]
@@ -129,15 +131,24 @@ def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def test_list_names_every_scenario_with_its_description(tmp_path: Path) -> None:
+def test_list_names_every_scenario_and_kind_with_its_description(tmp_path: Path) -> None:
     done = ttwmr("list", cwd=tmp_path)
     assert done.returncode == 0
-    lines = done.stdout.splitlines()
-    assert [line.split()[0] for line in lines] == list(shipped_scenarios())
-    texts = {line.split("  ", 1)[1].strip() for line in lines}
-    assert texts == {load_scenario(name).description for name in shipped_scenarios()}
-    column = max(map(len, shipped_scenarios())) + 2
-    assert all(line[column - 1] == " " != line[column] for line in lines)
+    listed: dict[str, dict[str, str]] = {}
+    for line in filter(None, done.stdout.splitlines()):
+        if not line.startswith("  "):
+            entries = listed.setdefault(line, {})
+        else:
+            name, _, text = line.strip().partition("  ")
+            entries[name] = text.strip()
+    assert listed == {
+        "scenarios": {name: load_scenario(name).description for name in shipped_scenarios()},
+        "controller.kind": {kind: cls.summary() for kind, cls in CONTROLLERS.items()},
+        "reference.kind": {kind: cls.summary() for kind, cls in REFERENCES.items()},
+    }
+    column = max(map(len, shipped_scenarios())) + 4
+    rows = [line for line in done.stdout.splitlines() if line.startswith("  ")]
+    assert all(line[column - 1] == " " != line[column] for line in rows)
 
 
 def test_export_schema_is_json_schema(tmp_path: Path) -> None:

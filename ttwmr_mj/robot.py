@@ -32,6 +32,11 @@ class Config(BaseModel):
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True
     )
 
+    @classmethod
+    def summary(cls) -> str:
+        """The first sentence of its description."""
+        return " ".join((cls.__doc__ or "").split("\n\n")[0].split()).rstrip(".")
+
 
 class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""

@@ -14,7 +14,7 @@ from ttwmr_mj.errors import InputError
 
 
 class CustomOptions(ControllerOptions):
-    """A controller of the user's own, found on the Python path or beside the scenario file."""
+    """Your own class, from the Python path or beside the scenario file."""
 
     kind: Literal["custom"] = "custom"
     target: str = Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="module:Class")

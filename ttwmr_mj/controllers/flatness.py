@@ -68,7 +68,7 @@ LEAST_ACCELERATION_M_S2 = 1e-3  # of F in a reference; slower circles have hardl
 
 
 class FlatnessOptions(ControllerOptions):
-    """Dynamic feedback linearisation of the trailer's centre of oscillation."""
+    """Linearises the motion of F exactly; steers the trailer."""
 
     kind: Literal["flatness"] = "flatness"
     bandwidth_per_s: float | None = Field(

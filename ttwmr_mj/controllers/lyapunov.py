@@ -35,7 +35,7 @@ from ttwmr_mj.state import FloatArray
 
 
 class LyapunovOptions(ControllerOptions):
-    """Law (32) with the gains of Table II."""
+    """The article's law (32) for the tractor alone, gains of Table II."""
 
     kind: Literal["lyapunov"] = "lyapunov"
     alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")

@@ -46,7 +46,9 @@ from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, wrap
 
 
 class LyapunovPidOptions(LyapunovOptions):
-    """Laws (47) and (70): law (32) and a correction for θ2, with the gains of Table II.
+    """The article's Lyapunov-PID: law (32) and a correction for θ2.
+
+    Laws (47) and (70) with the gains of Table II.
 
     The defaults are what the article prints, but for `singular_terms`.
     """

@@ -49,7 +49,7 @@ PREDICTION_SUBSTEP_S = 0.017  # coarser than the observer's: only differences ma
 
 
 class MpcOptions(TvlqrOptions):
-    """Model predictive control along any feasible reference."""
+    """Model predictive control; steers the trailer, recovers from far."""
 
     kind: Literal["mpc"] = "mpc"  # type: ignore[assignment]  # the tag of another law
     horizon_samples: int = Field(default=30, ge=2, le=60, description="control periods ahead")

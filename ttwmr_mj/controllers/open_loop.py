@@ -22,7 +22,7 @@ class WheelSegment(Config):
 
 
 class OpenLoopOptions(ControllerOptions):
-    """A list of wheel-speed segments, then standstill."""
+    """Segments of constant wheel speed, then standstill."""
 
     kind: Literal["open_loop"] = "open_loop"
     needs_reference: ClassVar[bool] = False

@@ -56,7 +56,7 @@ STEP_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a Gauss-Newton step
 
 
 class TvlqrOptions(ControllerOptions):
-    """Time-varying linear-quadratic control along any feasible reference."""
+    """Time-varying LQR along any feasible reference; steers the trailer."""
 
     kind: Literal["tvlqr"] = "tvlqr"
     weights: TrackingWeights = TrackingWeights()

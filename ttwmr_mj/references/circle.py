@@ -14,7 +14,9 @@ from ttwmr_mj.state import FloatArray
 
 
 class Circle(PathReference):
-    """P = centre + R·(cos φ, sin φ) with φ = phase + ω·t.
+    """Circle of P at a constant rate (Eq. 37 and 72-73).
+
+    P = centre + R·(cos φ, sin φ) with φ = phase + ω·t.
 
     The article's circles: Eq. 37 has R = 1 m, ω = 0.5 rad/s, phase 0; Eq. 72-73 have R = 0.43 m,
     ω = 1/8 rad/s, phase 0.35 rad. The path parameter σ is the angle travelled, |ω|·t.

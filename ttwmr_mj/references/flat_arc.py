@@ -19,7 +19,9 @@ BUMP_INTEGRAL = BUMP.integ()
 
 
 class FlatArc(FlatReference):
-    """F = centre + R·(cos φ, sin φ), φ from one angle to another and slowly on.
+    """Arc of F, slow at both ends, then slowly on.
+
+    F = centre + R·(cos φ, sin φ), φ from one angle to another and on.
 
     φ̇ = ±(r + (p − r)·bump(t/T)), with T such that the arc takes exactly T; outside of it φ̇ = ±r.
     As r > 0 the centripetal part Rφ̇² of F'' vanishes nowhere, whatever the tangential one; but θ2

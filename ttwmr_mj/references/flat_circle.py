@@ -13,7 +13,9 @@ from ttwmr_mj.state import FloatArray
 
 
 class FlatCircle(FlatReference):
-    """F = centre + R·(cos φ, sin φ) with φ = phase + ω·t; P on a circle of |R ∓ k|.
+    """Circle of F, the trailer's centre of oscillation, at a constant rate.
+
+    F = centre + R·(cos φ, sin φ) with φ = phase + ω·t; P is on a circle of |R ∓ k|.
 
     The hitch angle is constant: ±π/2. Outside with R < k, P runs on the far side of the centre.
     """

@@ -13,7 +13,9 @@ from ttwmr_mj.state import FloatArray
 
 
 class FlatEllipse(FlatReference):
-    """F = centre + Q·(A·cos φ, B·sin φ) with φ = phase + ω·t, Q a turn by `tilt_rad`.
+    """Ellipse of F.
+
+    F = centre + Q·(A·cos φ, B·sin φ) with φ = phase + ω·t, Q a turn by `tilt_rad`.
 
     F'' = −ω²·(F − centre) points to the centre and vanishes nowhere.
     """

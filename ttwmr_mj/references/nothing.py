@@ -10,7 +10,7 @@ from ttwmr_mj.state import FloatArray
 
 
 class Nothing(Reference):
-    """Nothing to follow."""
+    """Nothing to follow: open-loop experiments."""
 
     kind: Literal["none"] = "none"
 

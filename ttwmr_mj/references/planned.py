@@ -95,7 +95,9 @@ class Plan:
 
 
 class Planned(Reference):
-    """A plan: P and both angles at knots, a spline in between.
+    """Plan found by trajectory optimisation: P and both angles.
+
+    Given at knots, a spline in between.
 
     A plan that ends where it began, in motion, goes round and round; one that ends at rest holds
     its last pose.

@@ -14,7 +14,9 @@ from ttwmr_mj.state import FloatArray
 
 
 class StraightLine(PathReference):
-    """P = start + s·(cos heading, sin heading), the distance s growing at constant speed for ever.
+    """Straight line of P at constant speed, without end.
+
+    P = start + s·(cos heading, sin heading), with s growing at `speed_m_s`.
 
     A line has no outside: with theta2="outward", θ2 is NaN throughout.
     """

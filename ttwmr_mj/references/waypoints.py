@@ -21,7 +21,9 @@ FREE_END = [(3, np.zeros(2)), (4, np.zeros(2))]
 
 
 class Waypoints(PathReference):
-    """A quintic spline through waypoints, four times continuously differentiable.
+    """Smooth curve of P through waypoints, open or closed.
+
+    A quintic spline, four times continuously differentiable.
 
     The path parameter σ is the chord length: the sum of straight distances from waypoint to
     waypoint. It grows at `speed_m_s`, so every leg takes its straight distance over that speed;
