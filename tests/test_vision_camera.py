@@ -24,6 +24,7 @@ def test_the_ideal_camera_is_where_the_scene_says() -> None:
     assert camera.position_m == pytest.approx([0.0, 0.0, 1.9])
     focal = 240.0 / np.tan(np.radians(41.1 / 2))
     assert camera.focal_px == pytest.approx([focal, focal])
+    assert camera.matrix.tolist() == [[camera.focal_px[0], 0, 319.5], [0, focal, 239.5], [0, 0, 1]]
     # below the camera: the picture's centre; +x right, +y up
     assert camera.project(np.zeros(3)) == pytest.approx([319.5, 239.5])
     right, up = camera.project(np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]))
