@@ -8,6 +8,7 @@ import pytest
 from vision_scene import model
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.vision.camera.labels import NAMES, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
@@ -74,6 +75,9 @@ def test_layout_comes_from_the_models_sites() -> None:
     assert layout.offset_m[:, 1] == pytest.approx(np.zeros(4))
     assert layout.height_m == pytest.approx(np.full(4, 0.026 + 0.0436), abs=1e-4)
     assert len(NAMES) == 4
+    # where plans and references keep the labels in view
+    assert layout.offset_m[0, 0] + layout.radius_m == pytest.approx(FRONT_LABEL_M)
+    assert layout.offset_m[3, 0] - layout.radius_m == pytest.approx(-REAR_LABEL_M)
 
 
 def test_label_jacobian_against_differences() -> None:
