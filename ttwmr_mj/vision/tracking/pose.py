@@ -14,7 +14,7 @@ from ttwmr_mj.state import THETA1, BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import BODY, COUNT, TRACTOR, TRAILER, LabelLayout
 
 ITERATIONS = 3  # Gauss-Newton from a start that is exact without noise
-MIN_LABELS = 3
+MIN_LABELS = 3  # six numbers for the four of q
 
 
 class LabelPose(NamedTuple):
