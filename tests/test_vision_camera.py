@@ -8,6 +8,7 @@ import pytest
 from vision_scene import model
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.vision.camera.labels import NAMES, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
@@ -24,6 +25,7 @@ def test_the_ideal_camera_is_where_the_scene_says() -> None:
     assert camera.position_m == pytest.approx([0.0, 0.0, 1.9])
     focal = 240.0 / np.tan(np.radians(41.1 / 2))
     assert camera.focal_px == pytest.approx([focal, focal])
+    assert camera.matrix.tolist() == [[camera.focal_px[0], 0, 319.5], [0, focal, 239.5], [0, 0, 1]]
     # below the camera: the picture's centre; +x right, +y up
     assert camera.project(np.zeros(3)) == pytest.approx([319.5, 239.5])
     right, up = camera.project(np.array([[0.1, 0.0, 0.0], [0.0, 0.1, 0.0]]))
@@ -73,6 +75,9 @@ def test_layout_comes_from_the_models_sites() -> None:
     assert layout.offset_m[:, 1] == pytest.approx(np.zeros(4))
     assert layout.height_m == pytest.approx(np.full(4, 0.026 + 0.0436), abs=1e-4)
     assert len(NAMES) == 4
+    # where plans and references keep the labels in view
+    assert layout.offset_m[0, 0] + layout.radius_m == pytest.approx(FRONT_LABEL_M)
+    assert layout.offset_m[3, 0] - layout.radius_m == pytest.approx(-REAR_LABEL_M)
 
 
 def test_label_jacobian_against_differences() -> None:

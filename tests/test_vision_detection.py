@@ -13,8 +13,8 @@ from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.tracking import constellation
-from ttwmr_mj.vision.tracking.detection import Candidates, Detector
-from ttwmr_mj.vision.tracking.restoration import blobs, label_sized, neutral_colour
+from ttwmr_mj.vision.tracking.blobs import blobs, label_sized
+from ttwmr_mj.vision.tracking.detection import Candidates, Detector, neutral_colour
 
 STILL = np.zeros(4)
 

@@ -141,6 +141,14 @@ def test_a_stiff_hitch_neither_blows_up_nor_swings(hitch: dict[str, float]) -> N
     assert state.covariance.max() < 0.1
 
 
+def test_the_hitch_does_not_move_the_tractor() -> None:
+    """A stiff hitch is followed in short parts of every ramp, which lead to the same place."""
+    free, stiff = predicted({}, 20).mean, predicted({"damping_n_m_s_rad": 9.3}, 20).mean
+    assert stiff[2] == pytest.approx(free[2], abs=1e-12)
+    # Simpson's rule over 33 ms
+    assert stiff[:2] == pytest.approx(free[:2], abs=1e-7)
+
+
 def test_a_hitch_beyond_what_can_be_followed_is_as_stiff_as_can_be_followed() -> None:
     inertia = ROBOT.swing_inertia_kg_m2
     bounds = {

@@ -95,6 +95,7 @@ def test_the_first_sighting_gives_the_pose() -> None:
     estimate = scene.tracker.estimate(0.5)
     assert estimate.q == pytest.approx(POSE, abs=1e-9)
     assert (estimate.valid, estimate.status, estimate.labels) == (True, Status.TRACKED, 4)
+    assert estimate.covariance.shape == (4, 4)
     assert estimate.measurement_age_s == 0.0
     assert scene.tracker.estimate(0.6).measurement_age_s == pytest.approx(0.1)
     assert np.isnan(scene.tracker.sighting.predicted_px).all()

@@ -19,6 +19,7 @@ import casadi as ca
 import numpy as np
 
 from ttwmr_mj.errors import RunError
+from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -47,8 +48,8 @@ class Limits:
     hitch_angle_rad: float = 2.0
     speed_m_s: tuple[float, float] = (0.0, 1.0)
     workspace_m: tuple[float, float] = (1.4, 1.0)
-    ahead_m: float = 0.103  # the front label's edge
-    behind_m: float = 0.213  # the rear label's edge
+    ahead_m: float = FRONT_LABEL_M
+    behind_m: float = REAR_LABEL_M
 
 
 @dataclass(frozen=True)

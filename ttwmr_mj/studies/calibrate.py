@@ -48,9 +48,11 @@ def calibrate_from_images(folder: Path) -> Calibration:
     """
     held, origin, flat = (_pictures(folder / name) for name in ("held", "origin", "flat"))
     if not held or not origin:
-        raise InputError(
-            f"--images {folder}: needs pictures in {folder / 'held'} (got {len(held)}) and in "
-            f"{folder / 'origin'} (got {len(origin)}): {', '.join(PICTURES)}"
+        raise InputError.at(
+            "--images",
+            f"needs pictures in {folder / 'held'} (got {len(held)}) and in "
+            f"{folder / 'origin'} (got {len(origin)})",
+            allowed=", ".join(PICTURES),
         )
     return calibrate_images(held, origin, flat)
 
@@ -66,7 +68,9 @@ def write_board(path: Path) -> None:
     except cv2.error:  # no such format
         written = False
     if not written:
-        raise InputError(f"--board {path}: cannot be written; give a .png in an existing folder")
+        raise InputError.at(
+            "--board", f"{path} cannot be written", hint="give a .png in an existing folder"
+        )
 
 
 def _pictures(folder: Path) -> list[Path]:

@@ -33,9 +33,10 @@ from ttwmr_mj.vision.camera.options import CameraOptions
 MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
 HELD_GRID = (4, 3)  # columns and rows of places in the picture where boards are held
 HELD_VIEWS = 24  # two at each place, at many tilts and distances
-ORIGIN_VIEWS = 6
+ORIGIN_VIEWS = 6  # the same pose, against noise
+# x, y, angle: towards the corners of the picture, which hold the camera's tilt
 FLAT_POSES = ((0.6, 0.4, 0.5), (-0.6, 0.4, -0.4), (-0.6, -0.4, 2.8), (0.6, -0.4, 3.5))
-TILT_RAD = (0.15, 0.6)
+TILT_RAD = (0.15, 0.6)  # less says little of the focal length, more hides markers
 HEIGHT_M = (0.5, 1.2)  # of held boards above the floor
 PERIOD_S = 0.5  # between two rendered views, while gains drift
 Pose = tuple[FloatArray, FloatArray]  # position (3,) of a board's face and its rotation (3, 3)

@@ -64,9 +64,11 @@ def read_layout(model: mujoco.MjModel) -> LabelLayout:
         sites = np.array([data.site(f"label_{name}").xpos for name in NAMES])
         geoms = [model.geom(f"label_{name}") for name in NAMES]
     except KeyError as error:
-        raise InputError(
-            f"the scene lacks a part of the labels: {error}; it needs the site P and a site and a "
-            f"geom label_<name> for each of {', '.join(NAMES)}, at heading zero in keyframe 0"
+        raise InputError.at(
+            "plant.contact.model_path",
+            f"the scene lacks a part of the labels: {error}",
+            allowed="a scene with the site P and a site and a geom label_<name> for each of "
+            f"{', '.join(NAMES)}, at heading zero in keyframe 0",
         ) from error
     colour = np.array([model.mat_rgba[int(geom.matid[0]), 2::-1] for geom in geoms])
     return LabelLayout(

@@ -15,7 +15,7 @@ from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
-SUBPIXEL_BITS = 4
+SUBPIXEL_BITS = 4  # outlines are drawn to a sixteenth of a pixel
 _ANGLE = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
 CIRCLE: FloatArray = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=-1)
 

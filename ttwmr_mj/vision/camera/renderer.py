@@ -23,7 +23,7 @@ from ttwmr_mj.vision.camera.region import Region
 IdImage = NDArray[np.int32]
 
 TILE_PX = 512  # side of the offscreen buffer; clearing a larger one costs more than drawing
-MAX_GEOMS = 2000
+MAX_GEOMS = 2000  # far more than a laboratory has
 STATIC_GROUPS = (0, 1)  # floor and walls
 ROBOT_GROUP = 2  # what is seen of the robot; collision shapes are in group 3
 

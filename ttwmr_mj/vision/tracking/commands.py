@@ -51,10 +51,9 @@ class CommandHistory:
             self._add(time_s, self._setpoint)
         servo = self._robot.servo
         command = np.asarray(wheel_command_rad_s, dtype=np.float64).reshape(1, 2)
-        arrival = arrival_s(limit_speed(command, servo) - self._setpoint, servo)
+        arrival = arrival_s(limit_speed(command, servo) - self._setpoint, servo)[0].tolist()
         # each wheel's ramp ends in a kink; between kinks the speeds are linear
-        kinks = np.minimum(arrival.ravel(), duration_s).tolist()
-        after = sorted({*(kink for kink in kinks if kink > 0.0), duration_s})
+        after = sorted({*(kink for kink in arrival if 0.0 < kink < duration_s), duration_s})
         speeds = ramp(self._setpoint, command, servo, np.array(after))
         for delay, speed in zip(after, speeds[0], strict=True):
             self._add(time_s + delay, speed)

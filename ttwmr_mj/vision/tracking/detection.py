@@ -16,10 +16,12 @@ from numpy.typing import NDArray
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
-from ttwmr_mj.vision.tracking.restoration import blobs, label_sized, neutral_colour
+from ttwmr_mj.vision.tracking.blobs import blobs, label_sized
 
 Response = NDArray[np.float32]
 
+NEUTRAL_STRIDE = 16  # every 16th pixel of both axes tells the colour of a mostly grey floor
+NEUTRAL_BRIGHTNESS = (8.0, 247.0)  # nearly black has no colour, nearly white has lost it
 MIN_CONTRAST = 32.0  # grey levels; 2 % noise is 5, a new label 150 to 200
 SMOOTHING_PX = (3, 3)  # leaves a third of white noise, and is narrower than a label
 EDGE = 0.5  # of the peak response: there lies a blurred edge
@@ -30,8 +32,8 @@ LONGEST = 1.2
 SKIRT_PX = 3.0  # beyond the edge, where blur still spreads a label's light
 COARSE_LABEL_PX = 2.0  # diameter of a label in the shrunk picture of a whole-frame search
 COARSE_CONTRAST = 0.6  # of the least contrast: its pixels are half floor
-COARSE_AREA_SHARE = (0.2, 4.0)
-MAX_CANDIDATES = 6  # of one colour
+COARSE_AREA_SHARE = (0.2, 4.0)  # of a disc's area: from half hidden and faint to blurred
+MAX_CANDIDATES = 6  # of one colour; refined one by one, which takes time
 FAR = -1e6  # column of a region that does not exist
 
 
@@ -160,6 +162,19 @@ class Detector:
         unequal, both = np.hypot(xx - yy, 2.0 * xy), xx + yy
         whole = both + unequal < LONGEST * (both - unequal)
         return np.stack([x, y], axis=-1).astype(np.float64) + rough, whole
+
+
+def neutral_colour(image: Image) -> FloatArray:
+    """(3,) what grey looks like in an image of a mostly grey scene, scaled to mean one.
+
+    The mean of a sparse sample; four labels are a five-hundredth of the picture and move it less
+    than an eight-bit step.
+    """
+    typical = np.array(cv2.mean(np.ascontiguousarray(image[::NEUTRAL_STRIDE, ::NEUTRAL_STRIDE])))
+    low, high = NEUTRAL_BRIGHTNESS
+    if typical[:3].min() < low or typical[:3].max() > high:
+        return np.ones(3)
+    return np.asarray(typical[:3] / typical[:3].mean())
 
 
 def _cut(image: Image, corner: NDArray[np.intp], side: int) -> Response:

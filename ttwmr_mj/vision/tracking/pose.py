@@ -14,7 +14,7 @@ from ttwmr_mj.state import THETA1, BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import BODY, COUNT, TRACTOR, TRAILER, LabelLayout
 
 ITERATIONS = 3  # Gauss-Newton from a start that is exact without noise
-MIN_LABELS = 3
+MIN_LABELS = 3  # six numbers for the four of q
 
 
 class LabelPose(NamedTuple):
@@ -82,7 +82,7 @@ def _start(points_m: FloatArray, found: BoolArray, layout: LabelLayout) -> Float
                 layout.offset_m[front] - layout.offset_m[rear]
             )
             offset = layout.offset_m[labels].mean(axis=0)
-            origins.append(points_m[labels].mean(axis=0) - _turned(offset, angle[half]))
+            origins.append(points_m[labels].mean(axis=0) - _rotated(offset, angle[half]))
     origin = np.mean(origins, axis=0)
     for half, labels in enumerate(halves):
         if len(labels) == 1:
@@ -95,6 +95,6 @@ def _direction(vector: FloatArray) -> float:
     return float(np.arctan2(vector[1], vector[0]))
 
 
-def _turned(vector: FloatArray, angle_rad: float) -> FloatArray:
+def _rotated(vector: FloatArray, angle_rad: float) -> FloatArray:
     cos, sin = np.cos(angle_rad), np.sin(angle_rad)
     return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]])

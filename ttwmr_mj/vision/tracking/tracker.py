@@ -23,7 +23,7 @@ from ttwmr_mj.vision.tracking.kalman import Innovation, update
 from ttwmr_mj.vision.tracking.motion import DELTA1, THETA2_RATE, Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
-MIN_SEARCH_PX = 3.0  # half a label: whoever knows the pose exactly still sees a whole disc
+MIN_SEARCH_PX = 3.0  # a quarter of a label, for what calibration and model leave over
 MAX_SEARCH_PX = 32.0  # a wider region costs more than the whole frame shrunk
 SEARCH_SIGMAS = 4.0  # one prediction in 16 000 is farther off
 FROZEN_PX = 1e-3  # noise moves a label's centre more than that from frame to frame

@@ -1,4 +1,4 @@
-"""Cleans what was measured before it is believed: colour cast, noise, blobs of the wrong size."""
+"""Connected sets of pixels, and which of them have a label's size."""
 
 from __future__ import annotations
 
@@ -10,8 +10,6 @@ import numpy as np
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 
-NEUTRAL_STRIDE = 16  # every 16th pixel of both axes tells the colour of a mostly grey floor
-NEUTRAL_BRIGHTNESS = (8.0, 247.0)  # nearly black has no colour, nearly white has lost it
 # a label's blob at half its peak, compared with a full disc
 AREA_SHARE = (0.7, 1.5)
 SIDE_SLACK_PX = 2.2  # how much shorter or longer than a diameter a blob's sides may be
@@ -29,19 +27,6 @@ class Blobs(NamedTuple):
     centre_px: FloatArray
     area_px: FloatArray
     size_px: FloatArray
-
-
-def neutral_colour(image: Image) -> FloatArray:
-    """(3,) what grey looks like in an image of a mostly grey scene, scaled to mean one.
-
-    The mean of a sparse sample; four labels are a five-hundredth of the picture and move it less
-    than an eight-bit step.
-    """
-    typical = np.array(cv2.mean(np.ascontiguousarray(image[::NEUTRAL_STRIDE, ::NEUTRAL_STRIDE])))
-    low, high = NEUTRAL_BRIGHTNESS
-    if typical[:3].min() < low or typical[:3].max() > high:
-        return np.ones(3)
-    return np.asarray(typical[:3] / typical[:3].mean())
 
 
 def blobs(mask: Image) -> Blobs:
