@@ -212,7 +212,7 @@ def test_compare_passes_on_what_was_asked(
 
     def compare_scenario(scenario: Any, folder: Path, options: Any, **_: Any) -> Any:
         asked.append((scenario.name, scenario.seed, folder, options))
-        return SimpleNamespace(report={}, breaches=("one: got 2, allowed 1",))
+        return SimpleNamespace(report={}, breaches=("one: got 2", "two: got 3"))
 
     monkeypatch.setattr(compare, "compare_scenario", compare_scenario)
     monkeypatch.setattr(compare, "plain", lambda _: "in words")
@@ -235,7 +235,7 @@ def test_compare_passes_on_what_was_asked(
     )
     printed = capsys.readouterr()
     assert printed.out.startswith("in words\n\nfolder: o\n")
-    assert "open_loop_turn exceeds t.toml; see o\n  one: got 2" in printed.err
+    assert "open_loop_turn exceeds t.toml; see o\n  one: got 2\n  two: got 3\n" in printed.err
     assert main(["compare", "open_loop_turn", "--no-attribution", "--mode", "closed_loop"]) == 1
     (_, _, folder, options) = asked[1]
     assert folder.parent == Path("results/open_loop_turn-compared")

@@ -285,3 +285,16 @@ def test_what_the_sensor_saw_is_plotted_against_the_truth(tmp_path: Path) -> Non
     np.testing.assert_allclose(scalars("estimate_angle_error/theta1"), 10.0)  # mrad
     np.testing.assert_allclose(scalars("estimate_angle_error/theta2"), -20.0)
     np.testing.assert_allclose(scalars("measurement_age/seen"), 50.0)  # ms
+
+
+def test_the_only_properties_are_the_name_and_the_scenario(recording: Recording) -> None:
+    """The time of the recording is not among them: it says nothing about the run."""
+    properties = {
+        entity: sorted(components)
+        for entity, components in recording.entities.items()
+        if entity.startswith("/__properties")
+    }
+    assert properties == {
+        "/__properties": ["RecordingInfo:name"],
+        "/__properties/scenario": [],  # its name, a component of no archetype: the reader skips it
+    }
