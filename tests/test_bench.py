@@ -195,6 +195,16 @@ def test_blocks_pick_from_the_axes(tmp_path: Path) -> None:
     ]
 
 
+def test_a_tasks_scenario_is_looked_for_beside_the_suite_first(tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text(
+        'name = "a"\n[controller.x]\n[task.s]\nscenario = "mine.toml"\n'
+        '[task.t]\nscenario = "lab_circle"\n'
+    )
+    (tmp_path / "mine.toml").touch()
+    rows = rows_of(load_suite(str(tmp_path / "suite.toml")))
+    assert [row.scenario for row in rows] == [str(tmp_path / "mine.toml"), "lab_circle"]
+
+
 def test_rows_that_cannot_run_are_refused_before_any_is_started(tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text(
         'name = "a"\n[controller.x]\n[task.s]\nscenario = "lab_circle"\n'

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.pool.ingredients import data_files, differences
+from ttwmr_mj.studies.pool.ingredients import data_files, differences, made_of_run
 from ttwmr_mj.studies.pool.task import run_task
 
 CHECKOUT = Path(__file__).resolve().parent.parent
@@ -63,7 +63,7 @@ END, CODE = r"\Z", "\nEXTRA = 1\n"
 EDITS = {
     "default": (
         ("ttwmr_mj/robot.py", r"(float = (?:Field\(default=)?)0\.", r"\g<1>9."),
-        EVERY - {"study"},
+        EVERY,
         "code.ttwmr_mj.robot",
     ),
     "docstring": (("ttwmr_mj/robot.py", '"""', '"""Other words. '), set(), ""),
@@ -178,3 +178,24 @@ def test_a_scene_brings_its_meshes_and_pictures(tmp_path: Path) -> None:
     scenario = load_scenario("lab_circle", [f"plant.contact.model_path={tmp_path}/scene.xml"])
     names = {path.relative_to(tmp_path).as_posix() for path in data_files(scenario)}
     assert names == {"scene.xml", "meshes/hull.stl", "floor.png"}
+
+
+def test_of_an_installed_law_only_its_own_package_counts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    site = tmp_path / "site-packages"
+    (site / "laws").mkdir(parents=True)
+    (site / "other.py").touch()
+    (site / "laws" / "__init__.py").touch()
+    (site / "laws" / "mine.py").write_text("import other\nfrom . import gains\nfrom .. import laws")
+    (site / "laws" / "gains.py").touch()
+    (site / "laws" / "unused.py").touch()
+    monkeypatch.syspath_prepend(str(site))
+    law = 'controller={kind="custom", target="laws.mine:Mine"}'
+    code = made_of_run(load_scenario("lab_circle", [law]), tmp_path)["code"]
+    assert {name for name in code if not name.startswith("ttwmr_mj")} == {
+        "laws",
+        "laws.mine",
+        "laws.gains",
+    }
+    assert "ttwmr_mj.controllers.custom" in code

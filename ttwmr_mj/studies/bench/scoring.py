@@ -92,7 +92,8 @@ def collect(suite: Suite, folder: Path) -> Board:
     rows = rows_of(suite)
     finished = [row for row in rows if stored_row(row, folder) is not None]
     if not finished:
-        raise InputError(f"{folder}: no finished runs of {suite.name} in it; run the suite first")
+        problem = f"no finished runs of {suite.name} in it"
+        raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
     groups: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
     for row in finished:
         groups[tuple(row.names[axis] for axis in AXES)].append(_scored(row, folder))

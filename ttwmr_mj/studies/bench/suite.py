@@ -42,8 +42,11 @@ Picked = Annotated[list[str], Field(min_length=1)]
 class Choice(Config):
     """One value of an axis: what it changes in a scenario."""
 
-    scenario: str | None = Field(default=None, description="tasks only: the scenario to start from")
-    overrides: list[str] = Field(default=[], description="key.path=value, as of --set")
+    scenario: str | None = Field(
+        default=None,
+        description="tasks only: the scenario to start from, shipped or beside the suite",
+    )
+    overrides: list[str] = Field(default=[], description="key.path=value, as in --set")
     skip: list[str] = Field(default=[], description="names on other axes it is not combined with")
 
 
@@ -63,8 +66,13 @@ class Suite(Config):
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
     description: str = ""
-    seeds: Seeds = [0]
-    timeout_s: float = Field(default=300.0, gt=0, le=86_400, description="per run, wall time")
+    seeds: Seeds = Field(default=[0], description="one run each; more where something is random")
+    timeout_s: float = Field(
+        default=300.0,
+        gt=0,
+        le=86_400,
+        description="wall time after which a run is killed; several times that of a slow one",
+    )
     controller: dict[Name, Choice] = Field(min_length=1)
     task: dict[Name, Choice] = Field(min_length=1)
     plant: dict[Name, Choice] = {"contact": Choice()}
@@ -118,7 +126,8 @@ def load_suite(name_or_path: str) -> Suite:
         suite = Suite.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
         faults = _faults(suite)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+        fault = Fault(problem=f"cannot be read as TOML: {error}")
+        raise InputError(fault, file=str(path)) from error
     except ValidationError as error:
         faults = [fault_of(item, Suite) for item in error.errors()]
     if faults:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import ast
 import hashlib
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
@@ -23,26 +22,17 @@ SILENT = ("recording", "figures", "cli")  # rooms that only draw, record or prin
 Follows = Callable[[str, str], bool]
 
 
-@dataclass(frozen=True, slots=True)
-class Sources:
-    """Where modules are looked for.
+Own = tuple[tuple[Path, str], ...]
+"""Folders of modules that are not this package's, and the top-level name that counts there, or ""
+where every module does."""
 
-    Attributes:
-        own_folder: of the user's modules; None if there are none.
-        own_name: the only top-level name that counts as the user's there; empty: all do.
-    """
 
-    own_folder: Path | None = None
-    own_name: str = ""
-
-    def path(self, module: str) -> Path | None:
-        """The module's file; None if it is neither this package's nor the user's."""
-        top = module.split(".")[0]
-        if top == NAME:
-            return module_file(PACKAGE.parent, module)
-        if self.own_folder is None or self.own_name not in ("", top):
-            return None
-        return module_file(self.own_folder, module)
+def source(module: str, own: Own = ()) -> Path | None:
+    """The module's file; None if it is neither this package's nor one of the user's own."""
+    top = module.split(".")[0]
+    places = ((PACKAGE.parent, NAME),) if top == NAME else own
+    found = (module_file(folder, module) for folder, name in places if name in ("", top))
+    return next((file for file in found if file), None)
 
 
 def module_file(folder: Path, module: str) -> Path | None:
@@ -58,23 +48,20 @@ def follow_all(importer: str, imported: str) -> bool:
     return imported.split(".")[1:2] not in [[room] for room in SILENT]
 
 
-def code_of(
-    entries: Iterable[str], follows: Follows = follow_all, sources: Sources | None = None
-) -> dict[str, str]:
+def code_of(entries: Iterable[str], follows: Follows = follow_all, own: Own = ()) -> dict[str, str]:
     """Module → digest of everything the entry modules reach, sorted.
 
     Args:
         entries: names of modules; those that do not exist are left out.
         follows: whether an import (importer, imported) leads to code that computes.
-        sources: where modules are.
+        own: where modules of the user's are.
     """
-    sources = sources or Sources()
     found: dict[str, str] = {}
     # the package's own __init__ is a directory of names, and computes nothing
     waiting, seen = list(entries), {NAME}
     while waiting:
         name = waiting.pop()
-        path = None if name in seen else sources.path(name)
+        path = None if name in seen else source(name, own)
         seen.add(name)
         if path is None:
             continue

@@ -24,7 +24,6 @@ from ttwmr_mj.studies.pool.code import (
     NAME,
     PACKAGE,
     Follows,
-    Sources,
     code_of,
     follow_all,
     module_file,
@@ -123,17 +122,20 @@ def _code_of_run(scenario: Scenario, folder: Path) -> dict[str, str]:
     entries += [type(section).__module__ for section in sections.values()]
     if isinstance(scenario.controller, CustomOptions):
         entries.append(scenario.controller.target.partition(":")[0])
-    own = [module for module in entries if module.split(".")[0] != NAME]
-    sources = _own_sources(own[0], folder) if own else Sources()
-    return code_of(entries, _follows(scenario), sources)
+    own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)
+    return code_of(entries, _follows(scenario), tuple(place for place in own if place))
 
 
-def _own_sources(module: str, folder: Path) -> Sources:
-    """Where the user's module is: in the folder, or on the Python path."""
-    places = (folder.resolve(), *(Path(place or ".").resolve() for place in sys.path))
-    place = next((place for place in places if module_file(place, module)), None)
-    installed = place is not None and place.name in ("site-packages", "dist-packages")
-    return Sources(place, module.split(".")[0] if installed else "")
+def _own(module: str, folder: Path) -> tuple[Path, str] | None:
+    """Where a module of the user's is, in the folder or on the Python path; and what counts there.
+
+    Beside an installed module lie those of everybody else: only its own package counts.
+    """
+    for place in (folder.resolve(), *(Path(place or ".").resolve() for place in sys.path)):
+        if module_file(place, module):
+            installed = place.name in ("site-packages", "dist-packages")
+            return place, module.split(".")[0] if installed else ""
+    return None
 
 
 def _follows(scenario: Scenario) -> Follows:

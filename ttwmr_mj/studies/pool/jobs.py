@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -98,8 +98,9 @@ def run_jobs(
                     return
                 _wait(running)
                 for process in [process for process in running if process.is_over()]:
+                    event = process.event()
                     running.remove(process)
-                    yield process.event()
+                    yield event
         finally:
             for process in running:
                 process.end()
@@ -156,12 +157,11 @@ class _Process:
         if not timed_out:
             self._process.join(LEAVE_S)
         code = self.end()
-        if isinstance(answer, Failed):
-            return Failed(self._job, answer.reason, answer.error)
-        if answer is not None:
-            return Done(self._job, answer.result)
-        reason = f"timed out after {self._job.timeout_s:g} s" if timed_out else self._death(code)
-        return Failed(self._job, reason)
+        if answer is None:
+            late = f"timed out after {self._job.timeout_s:g} s"
+            answer = Failed(self._job, late if timed_out else self._death(code))
+        self._log.unlink(missing_ok=True)
+        return replace(answer, job=self._job)
 
     def end(self) -> int:
         """Kill the process and what it started, unless it has ended; its exit code."""

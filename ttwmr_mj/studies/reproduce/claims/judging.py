@@ -39,12 +39,12 @@ class Judgement:
     Attributes:
         verdict: one of four.
         numbers: what it was judged by, units in the names; None where undefined.
-        finding: in words.
+        finding: in words; empty: as claims.toml has it.
     """
 
     verdict: Verdict
     numbers: Numbers
-    finding: str
+    finding: str = ""
 
 
 Judge = Callable[[Evidence], Judgement]
@@ -62,6 +62,7 @@ class Claim:
         source: where the article says it.
         statement: what it says.
         rule: how it is judged, written down before the run.
+        finding: what a judgement that has no words of its own says, with its numbers in braces.
     """
 
     name: str
@@ -71,6 +72,7 @@ class Claim:
     source: str
     statement: str
     rule: str
+    finding: str = ""
 
     def judgement(self, evidence: Evidence) -> Judgement:
         """The rule's answer, or that evidence is missing where its runs could not be done."""
@@ -79,20 +81,34 @@ class Claim:
             reasons = "; ".join(f"{name}: {evidence.failures[name]}" for name in lacking)
             return Judgement("evidence missing", {}, f"What the rule needs was not run. {reasons}")
         judged = self.judge(evidence)
-        numbers = {key: finite(value) for key, value in judged.numbers.items()}
-        return replace(judged, numbers=numbers)
+        shown = {key: _Shown(value) for key, value in judged.numbers.items() if value is not None}
+        return replace(
+            judged,
+            numbers={key: finite(value) for key, value in judged.numbers.items()},
+            finding=judged.finding or self.finding.format(**shown),
+        )
+
+
+class _Shown(float):
+    """A number in a finding: `mm` a length, `x100` and `x1000` times that, no digits after it."""
+
+    def __format__(self, how: str) -> str:
+        if how == "mm":
+            return mm(self)
+        return f"{float(how[1:]) * self:.0f}" if how.startswith("x") else super().__format__(how)
 
 
 @cache
 def _words() -> dict[str, dict[str, str]]:
-    """Claim → source, statement and rule, with this module's limits put in."""
+    """Claim → source, statement, rule with this module's limits put in, and finding."""
     text = (resources.files(__package__) / "claims.toml").read_text(encoding="utf-8")
     limits = {name: value for name, value in globals().items() if name.isupper()}
     limits |= {f"{name}M": mm(value) for name, value in limits.items() if name.endswith("_M")}
-    return {
-        name: {key: " ".join(words.format(**limits).split()) for key, words in entry.items()}
-        for name, entry in tomllib.loads(text).items()
-    }
+    claims: dict[str, dict[str, str]] = tomllib.loads(text)
+    for words in claims.values():
+        words.update({key: " ".join(value.split()) for key, value in words.items()})
+        words["rule"] = words["rule"].format(**limits)
+    return claims
 
 
 def claim(
@@ -111,24 +127,13 @@ def robot_follows(evidence: Evidence, run: str) -> bool:
 
 
 def tractor_follows(
-    evidence: Evidence, printed: tuple[str, ...], changed: tuple[str, ...], finding: str
+    evidence: Evidence, printed: tuple[str, ...], changed: tuple[str, ...]
 ) -> Judgement:
-    """Whether P follows in all runs as printed, or in all without the singular terms.
-
-    Args:
-        evidence: the results.
-        printed: the runs of the printed law.
-        changed: those without its singular terms.
-        finding: in words, with {printed} and {changed} for the largest error of either.
-    """
+    """Whether P follows in all runs as printed, or in all without the singular terms."""
     errors = [evidence.worst(runs, TRACTOR_ERROR) for runs in (printed, changed)]
     return Judgement(
         verdict_of(*(error <= TRACTOR_FOLLOWS_M for error in errors)),
-        {
-            f"published_{TRACTOR_ERROR}": errors[0],
-            f"omitted_{TRACTOR_ERROR}": errors[1],
-        },
-        finding.format(printed=mm(errors[0]), changed=mm(errors[1])),
+        {f"published_{TRACTOR_ERROR}": errors[0], f"omitted_{TRACTOR_ERROR}": errors[1]},
     )
 
 

@@ -6,13 +6,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ttwmr_mj.studies.reproduce.claims.judging import mm
-from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.claims.judging import TRAILER_ERROR, mm
+from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.figures.panels import LAW_32, LYAPUNOV_RUNS, SPRUNG, Panel
 from ttwmr_mj.studies.reproduce.ideal.step_size import DURATION_S, GRIP_M_S2
 from ttwmr_mj.studies.reproduce.ideal.studies import STEP_STUDIES
-
-TRACTOR, TRAILER = "steady_tractor_rmse_m", "steady_trailer_rmse_m"
 
 
 def errors(metric: str, panels: tuple[Panel, ...]) -> Callable[[Evidence], str]:
@@ -34,7 +32,9 @@ def free_trailer(evidence: Evidence) -> str:
     free = evidence.hitch_swing("law32-omitted-contact")
     return (
         f"It swings by {free:.2f} rad peak to peak for as long as we look, about the outward "
-        "direction. " + errors(TRAILER, LAW_32)(evidence) + " (Against a trailer straight behind "
+        "direction. "
+        + errors(TRAILER_ERROR, LAW_32)(evidence)
+        + " (Against a trailer straight behind "
         "the tractor; the article does not say what its reference is.)"
     )
 
@@ -42,18 +42,20 @@ def free_trailer(evidence: Evidence) -> str:
 def sprung_trailer(evidence: Evidence) -> str:
     """Fig. 6: the trailer on its spring."""
     still = evidence.hitch_swing("spring-printed-omitted-contact")
-    return f"It follows, its hitch moving by {still:.1g} rad. " + errors(TRAILER, SPRUNG)(evidence)
+    return f"It follows, its hitch moving by {still:.1g} rad. " + errors(TRAILER_ERROR, SPRUNG)(
+        evidence
+    )
 
 
 PATHS = {4: free_trailer, 6: sprung_trailer}  # figures of which more is said than their errors
 
 
-def angle_errors(metric: str, unit: str) -> Callable[[Evidence], str]:
+def angle_errors(metric: str) -> Callable[[Evidence], str]:
     """Figs. 15-16: an angle's error with and without the correction."""
 
     def found(evidence: Evidence) -> str:
         bad, good = evidence.value("lab-pid", metric), evidence.value("lab-pid-without", metric)
-        return f"Steady rms error {bad:.2g} {unit} under law (70), {good:.2g} {unit} without it."
+        return f"Steady rms error {bad:.2g} rad under law (70), {good:.2g} rad without it."
 
     return found
 
@@ -65,7 +67,7 @@ def axis_errors(column: int) -> Callable[[Evidence], str]:
         errors = []
         for run in ("lab-pid", "lab-pid-without"):
             trajectory = evidence.trajectory(run)
-            miss = (trajectory.q - trajectory.ref_q)[len(trajectory) // 2 :, 0, column]
+            miss = second_half(trajectory.q - trajectory.ref_q)[:, 0, column]
             errors.append(mm(float(np.sqrt(np.mean(miss**2)))))
         return f"Steady rms error {errors[0]} under law (70), {errors[1]} without it."
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ttwmr_mj.studies.reproduce import friction
+from ttwmr_mj.studies.reproduce.claims.judging import TRACTOR_ERROR, TRAILER_ERROR
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures import captions
 from ttwmr_mj.studies.reproduce.figures.panels import (
@@ -58,7 +59,7 @@ def _path_figure(
     number: int, body: str, where: str, reported: str, panels: tuple[Panel, ...]
 ) -> FigureSpec:
     """A path in the plane of the tractor or the trailer."""
-    metric = captions.TRACTOR if body == "tractor" else captions.TRAILER
+    metric = TRACTOR_ERROR if body == "tractor" else TRAILER_ERROR
     return FigureSpec(
         f"fig{number}",
         f"Fig. {number}. {body.capitalize()}'s path{where}",
@@ -100,14 +101,14 @@ _FIGURES = (
         "θ1, the tractor's orientation",
         "theta1",
         "θ1 tracks.",
-        captions.angle_errors("steady_theta1_rmse_rad", "rad"),
+        captions.angle_errors("steady_theta1_rmse_rad"),
     ),
     _lab_figure(
         16,
         "θ2, the trailer's orientation",
         "theta2",
         "θ2 tracks.",
-        captions.angle_errors("steady_theta2_rmse_rad", "rad"),
+        captions.angle_errors("steady_theta2_rmse_rad"),
     ),
     _lab_figure(17, "Speed of the right wheel", "wheel_right", _EFFORT, captions.wheels),
     _lab_figure(18, "Speed of the left wheel", "wheel_left", _EFFORT, captions.wheels),
