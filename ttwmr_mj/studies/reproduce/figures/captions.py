@@ -47,9 +47,6 @@ def sprung_trailer(evidence: Evidence) -> str:
     )
 
 
-PATHS = {4: free_trailer, 6: sprung_trailer}  # figures of which more is said than their errors
-
-
 def angle_errors(metric: str) -> Callable[[Evidence], str]:
     """Figs. 15-16: an angle's error with and without the correction."""
 
