@@ -18,10 +18,10 @@ from pathlib import Path
 from time import process_time
 
 import numpy as np
+from basin import map_basin
+from basin_figures import write_basin_figure
 
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.basin.basin import map_basin
-from ttwmr_mj.studies.basin.figures import write_basin_figure
 
 CONTROLLERS = ("mpc", "flatness", "tvlqr", "lyapunov")
 REACH_M, REACH_RAD = 0.3, np.radians(60)

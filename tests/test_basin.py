@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import basin
 import numpy as np
 import pytest
+from basin import map_basin
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.basin import basin
-from ttwmr_mj.studies.basin.basin import map_basin
 
 
 @pytest.mark.parametrize("coarsest", [1, 2, 8])

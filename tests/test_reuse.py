@@ -85,7 +85,7 @@ EDITS = {
         "code.ttwmr_mj.controllers.open_loop",
     ),
     "recording": (("ttwmr_mj/recording/scene.py", END, CODE), set(), ""),
-    "figures": (("ttwmr_mj/figures/run_figures.py", END, CODE), set(), ""),
+    "figures": (("ttwmr_mj/figures/run.py", END, CODE), set(), ""),
     "command line": (("ttwmr_mj/cli/main.py", END, CODE), set(), ""),
     "study": (
         ("ttwmr_mj/studies/reproduce/ideal/phase_plane.py", END, CODE),

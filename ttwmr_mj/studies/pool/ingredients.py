@@ -13,11 +13,13 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 from ttwmr_mj.assets import models_folder
+from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.references.planned import Planned
+from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.code import (
@@ -32,8 +34,7 @@ from ttwmr_mj.studies.pool.code import (
 Ingredients = dict[str, Any]  # "scenario", "data", "code", "libraries"
 LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless")
 ENTRY = f"{NAME}.runs.execute"
-# room → section of the scenario whose `kind` names the module in it that is used
-ROOMS = {"controllers": "controller", "references": "reference", "plants": "plant"}
+PLANTS = ("contact", "analytic")  # each in a module of its name
 
 
 def made_of_run(scenario: Scenario, folder: Path | None = None) -> Ingredients:
@@ -117,9 +118,7 @@ def _scene_files(path: Path) -> Iterator[Path]:
 
 
 def _code_of_run(scenario: Scenario, folder: Path) -> dict[str, str]:
-    sections = {room: getattr(scenario, section) for room, section in ROOMS.items()}
-    entries = [ENTRY, *(f"{NAME}.{room}.{section.kind}" for room, section in sections.items())]
-    entries += [type(section).__module__ for section in sections.values()]
+    entries = [ENTRY, *_chosen(scenario)]
     if isinstance(scenario.controller, CustomOptions):
         entries.append(scenario.controller.target.partition(":")[0])
     own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)
@@ -140,8 +139,9 @@ def _own(module: str, folder: Path) -> tuple[Path, str] | None:
 
 def _follows(scenario: Scenario) -> Follows:
     """Imports that lead to code of this run: no other law, reference or plant, no unused camera."""
-    kinds = {f"{NAME}.{room}.{kind}" for room in ROOMS for kind in _kinds(ROOMS[room])}
-    unused = kinds - {f"{NAME}.{room}.{getattr(scenario, key).kind}" for room, key in ROOMS.items()}
+    kinds = {cls.__module__ for registry in (CONTROLLERS, REFERENCES) for cls in registry.values()}
+    kinds |= {_plant(kind) for kind in PLANTS}
+    unused = kinds - set(_chosen(scenario))
     sees = scenario.sensing.kind == "camera"
     vision, options = f"{NAME}.vision.", f"{NAME}.vision.options"
 
@@ -156,11 +156,11 @@ def _follows(scenario: Scenario) -> Follows:
     return follows
 
 
-def _kinds(section: str) -> list[str]:
-    """Every `kind` a section of a scenario may have."""
-    annotation = Scenario.model_fields[section].annotation
-    return [
-        str(kind)
-        for model in get_args(annotation) or (annotation,)
-        for kind in get_args(model.model_fields["kind"].annotation)
-    ]
+def _chosen(scenario: Scenario) -> list[str]:
+    """Modules of the law, the reference and the plant that the scenario names."""
+    options = scenario.controller, scenario.reference
+    return [*(type(section).__module__ for section in options), _plant(scenario.plant.kind)]
+
+
+def _plant(kind: str) -> str:
+    return f"{NAME}.plants.{kind}"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+from basin import Basin
 
 from ttwmr_mj.figures.canvas import canvas, save
-from ttwmr_mj.studies.basin.basin import Basin
 
 LOST = "#ded9d2"  # a warm grey, behind the colours of what was caught
 GIVEN = (-50.0, np.degrees(0.2))  # mm, degrees: where the shipped scenario starts
