@@ -195,6 +195,32 @@ def test_blobs_larger_or_smaller_than_a_label_are_removed() -> None:
     assert kept == pytest.approx(np.array([[60.0, 50.0]]))
 
 
+def test_halves_that_share_no_hitch_are_no_robot() -> None:
+    layout = read_layout(model())
+    points = layout.centres_m(np.array([0.1, 0.2, 0.3, 1.4]))[:, :2]
+    four = Candidates(np.arange(4), np.zeros((4, 2)))
+    got = constellation.choose(four, points, layout)
+    assert got is not None
+    assert got[1].tolist() == [0, 1, 2, 3]
+    # along the trailer: each half still measures what it must, and both do not meet in P
+    points[2:] -= 0.06 * np.array([np.cos(1.4), np.sin(1.4)])
+    assert constellation.choose(four, points, layout) is None
+
+
+def test_a_third_label_is_enough_and_a_fourth_is_preferred() -> None:
+    layout = read_layout(model())
+    points = layout.centres_m(np.array([0.1, 0.2, 0.3, 1.4]))[:, :2]
+    got = constellation.choose(Candidates(np.arange(3), np.zeros((3, 2))), points[:3], layout)
+    assert got is not None
+    assert got[1].tolist() == [0, 1, 2, -1]
+    # a stray front of the trailer, which fits as well but for a millimetre, comes first
+    stray = np.vstack([points[:2], points[2] + [0.001, 0.0], points[2:]])
+    label = np.array([0, 1, 2, 2, 3])
+    got = constellation.choose(Candidates(label, np.zeros((5, 2))), stray, layout)
+    assert got is not None
+    assert got[1].tolist() == [0, 1, 3, 4]
+
+
 def test_nothing_found_is_no_constellation() -> None:
     nothing = Candidates(np.zeros(0, dtype=np.intp), np.zeros((0, 2)))
     assert constellation.choose(nothing, np.zeros((0, 2)), camera().layout) is None
