@@ -101,21 +101,17 @@ class Mapping(NamedTuple):
 
 def mutants(folder: Path) -> Iterator[Mutant]:
     """Every operator of the modules that can be replaced."""
-    from cosmic_ray.commands.init import init
-    from cosmic_ray.work_db import WorkDB, use_db
+    from cosmic_ray.ast import ast_nodes, get_ast_from_path
+    from cosmic_ray.plugins import get_operator
 
     package = folder / "ttwmr_mj"
-    paths = sorted({path for pattern in MODULES for path in package.glob(pattern)})
-    with use_db(str(folder / "mutants.sqlite"), WorkDB.Mode.create) as database:
-        init(paths, database, {name: [{}] for name in OPERATORS})
-        for item in database.work_items:
-            (mutation,) = item.mutations
-            yield Mutant(
-                Path(mutation.module_path),
-                mutation.operator_name,
-                mutation.occurrence,
-                mutation.start_pos[0],
-            )
+    for path in sorted({path for pattern in MODULES for path in package.glob(pattern)}):
+        nodes = list(ast_nodes(get_ast_from_path(path)))
+        for name in OPERATORS:
+            operator = get_operator(name)()
+            places = [place for node in nodes for place in operator.mutation_positions(node)]
+            for occurrence, ((line, _), _) in enumerate(places):
+                yield Mutant(path, name, occurrence, line)
 
 
 def is_noticed(mutant: Mutant, tests: list[str], folder: Path, limit_s: float) -> bool:
