@@ -22,11 +22,7 @@ class CustomOptions(ControllerOptions):
     options: dict[str, Any] = Field(default={}, description="keyword arguments of the class")
 
     def make(self, folder: Path) -> Controller:
-        """An instance of the user's class; this imports the user's module.
-
-        Raises:
-            InputError: the module or class cannot be found or made, or is no `Controller`.
-        """
+        """An instance of the user's class; this imports the user's module."""
         return load_controller(self, folder)
 
 
