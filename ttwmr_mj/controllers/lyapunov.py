@@ -73,24 +73,6 @@ def lyapunov_function(
     return v, claimed
 
 
-class LyapunovSignals:
-    """Logs V, its slope since the last sample, and what the article claims of V'."""
-
-    def __init__(self, options: LyapunovOptions, sampling_time_s: float) -> None:
-        self._options, self._period = options, sampling_time_s
-        self._before: FloatArray | float = np.nan
-
-    def of(self, e: FloatArray, e_rate: FloatArray) -> dict[str, FloatArray]:
-        """Signals of one sample, from errors (nsim, 2) as in `law`."""
-        v, claimed = lyapunov_function(e, e_rate, self._options)
-        slope, self._before = (v - self._before) / self._period, v
-        return {
-            "lyapunov_v": v,
-            "lyapunov_v_rate_1_s": slope,
-            "lyapunov_v_rate_eq36_1_s": claimed,
-        }
-
-
 class Lyapunov(Law["LyapunovOptions"]):
     """Law (32) and the map of Eq. 27-28 to wheel speeds.
 
@@ -104,13 +86,20 @@ class Lyapunov(Law["LyapunovOptions"]):
         self._position, self._velocity = task.path.position_m, task.path.velocity_m_s
         self._mean_acceleration = np.diff(self._velocity, axis=0) / task.sampling_time_s
         self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
-        self._signals = LyapunovSignals(self._options, task.sampling_time_s)
+        self._v: FloatArray | float = np.nan
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law on the estimated position and velocity of P."""
         e, e_rate, v = self._law(k, estimate.state)
         command = self._wheels.command(v, estimate.state)
-        return replace(command, signals=self._signals.of(e, e_rate))
+        return replace(command, signals=self._signals(e, e_rate))
+
+    def _signals(self, e: FloatArray, e_rate: FloatArray) -> dict[str, FloatArray]:
+        """V, its slope since the last sample, and what the article claims of V'."""
+        v, claimed = lyapunov_function(e, e_rate, self._options)
+        slope, self._v = (v - self._v) / self._period, v
+        names = ("lyapunov_v", "lyapunov_v_rate_1_s", "lyapunov_v_rate_eq36_1_s")
+        return dict(zip(names, (v, slope, claimed), strict=True))
 
     def _law(self, k: int, state: RobotState) -> tuple[FloatArray, FloatArray, FloatArray]:
         """(e1, e3), (e2, e4) and (v1, v2) of Eq. 32, (nsim, 2) each."""

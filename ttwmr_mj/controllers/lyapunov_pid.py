@@ -147,7 +147,7 @@ class LyapunovPid(Lyapunov):
         if options.anti_windup == "conditional":
             hold = hold | cut | command.saturated
         self._integral = self._integral + np.where(hold, 0.0, self._period * error)
-        return replace(command, signals=self._signals.of(e, e_rate))
+        return replace(command, signals=self._signals(e, e_rate))
 
     def _theta2_error(
         self, k: int, state: RobotState
