@@ -16,7 +16,7 @@ each chain is observable and driven by noise), while the model is right between 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -72,21 +72,19 @@ class ObserverOptions(Config):
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Observed:
-    """What the observer believes at a sample.
+class Observed(NamedTuple):
+    """What the observer believes at a sample."""
 
-    Attributes:
-        body: (nsim, 5) x, y, θ1, θ2, θ̇2.
-        wheels: (nsim, 2) the servos' setpoints (right, left) [rad/s].
-        slip: (nsim, 3) of P ahead and to the left [m/s], and of the heading [rad/s].
-        unexplained: (nsim,) θ̈2 that the model does not explain [rad/s²].
-    """
+    body: FloatArray  # (nsim, 5) x, y, θ1, θ2, θ̇2
+    wheels: FloatArray  # (nsim, 2) the servos' setpoints (right, left) [rad/s]
+    slip: FloatArray  # (nsim, 3) of P ahead and to the left [m/s], of the heading [rad/s]
+    unexplained: FloatArray  # (nsim,) θ̈2 that the model does not explain [rad/s²]
 
-    body: FloatArray
-    wheels: FloatArray
-    slip: FloatArray
-    unexplained: FloatArray
+    def where(self, who: BoolArray, other: Observed) -> Observed:
+        """This for some of the simulations (nsim,), the other for the rest."""
+        if who.all():
+            return self
+        return Observed(*(np.where(who, a.T, b.T).T for a, b in zip(self, other, strict=True)))
 
 
 class Observer:
@@ -112,8 +110,9 @@ class Observer:
                 due = usable & (delay == back)
                 if due.any():
                     past[-1 - back] = self._corrected(past[-1 - back], estimate.state, due)
-                if back:
-                    past[-back] = self._predicted(past[-1 - back], self._commands[-back])
+                if back:  # not for who was corrected since: that would be lost
+                    replayed = self._predicted(past[-1 - back], self._commands[-back])
+                    past[-back] = replayed.where(usable & (delay >= back), past[-back])
         return past[-1]
 
     def commanded(self, wheels: FloatArray) -> Observed:
