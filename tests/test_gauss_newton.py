@@ -74,7 +74,7 @@ def test_steps_lead_to_a_minimum_of_the_whole_cost() -> None:
 def test_commands_are_cut_where_it_is_asked_for() -> None:
     servo = Servo(preset="fast", acceleration_limit_rad_s2=10.0)
     slow = SampledModel(ROBOT.model_copy(update={"servo": servo}), PERIOD)
-    task = TrackingProblem(ROBOT, slow, TrackingWeights())
+    task = TrackingProblem(ROBOT, slow, TrackingWeights(change_scale_rad_s=50.0))
     target, far = circle(7), far_problem()
     free, cut = (
         improved(task, target.state, target.command, target, **far, lengths=np.ones(1), cut=flag)

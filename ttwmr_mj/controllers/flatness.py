@@ -218,8 +218,9 @@ class FlatnessOptions(SteeringOptions):
             problem = f"{law} needs a reference of the trailer's centre of oscillation"
             allowed = "'flat_circle', 'flat_ellipse', 'flat_arc'"
             return [Fault(key=key, got=got, problem=problem, allowed=allowed)]
-        along = np.abs(acceleration_along(path)).min(axis=1)
-        along = np.nan_to_num(along)  # an undefined direction is that of no acceleration
+        along = acceleration_along(path)
+        turned = np.sign(along) != np.sign(along[0])  # it has passed through zero, between samples
+        along = np.where(turned, 0.0, np.nan_to_num(np.abs(along))).min(axis=1)  # NaN: F'' is zero
         if along.min() >= LEAST_ACCELERATION_M_S2:
             return []
         problem = (

@@ -185,7 +185,8 @@ def _basis() -> list[FloatArray]:
     for j in range(4):
         tail = [comb(3 + i, i) for i in range(4 - j)]
         h[j, j:] = polymul([1.0, -4.0, 6.0, -4.0, 1.0], tail) / factorial(j)
-    return [np.pad(polyder(h, order, axis=1), ((0, 0), (0, order))) for order in range(ORDERS)]
+    slopes = [np.pad(polyder(h, order, axis=1), ((0, 0), (0, order))) for order in range(ORDERS)]
+    return list(np.ascontiguousarray(slopes))  # rounding depends on the layout
 
 
 _BASIS = _basis()
