@@ -12,7 +12,7 @@ from ttwmr_mj.controllers.shared.observer import (
     Observer,
     ObserverOptions,
     chain_gains,
-    wheels_turn,
+    rolling_turn_rate,
 )
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import RobotParameters, Servo
@@ -86,7 +86,7 @@ def test_it_finds_slip_and_an_unexplained_acceleration() -> None:
     slip, extra = np.array([[0.004, -0.006, 0.01]]), np.array([0.08])
     body, wheels, watcher = np.array([[0.1, 0.2, 0.3, 1.5, 0.0]]), np.zeros((1, 2)), observer()
     for k in range(600):
-        turn = wheels_turn(wheels, ROBOT) + slip[:, 2]
+        turn = rolling_turn_rate(wheels, ROBOT) + slip[:, 2]
         rate = np.column_stack([MODEL.velocity(body, wheels, slip), turn, body[:, 4]])
         seen = watcher.update(estimate(body[:, :4], rate))
         command = np.array([[8.0 + np.sin(0.1 * k), 7.0]])

@@ -42,7 +42,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Task
-from ttwmr_mj.controllers.shared.observer import Observed, wheels_turn
+from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
 from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
 from ttwmr_mj.controllers.shared.transition import WaysBack
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
@@ -175,7 +175,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
 
     def _state(self, now: Observed) -> RobotState:
         """What the wheel map asks for; it looks at rates only at the first sample."""
-        turn_rate = wheels_turn(now.wheels, self._robot)
+        turn_rate = rolling_turn_rate(now.wheels, self._robot)
         rates = np.column_stack([self._velocity(now), turn_rate, now.body[:, 4]])
         return RobotState(q=now.body[:, :4], q_rate=rates)
 

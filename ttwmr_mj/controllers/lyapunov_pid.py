@@ -8,18 +8,8 @@ which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq.
 
     k·θ̈2 = A − D·γ,   A = −v1·sin θ2 + v2·cos θ2,   D = α4·e4·sin θ2 + α2·e2·cos θ2
 
-so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open is an option of the scenario:
-
-- `correction`: the w wanted. "pid" (default) is Eq. 62 about θ2d with the gains of Table II;
-  "spring_damper" is Eq. 60, A/k plus a spring and a damper as Eq. 41 prints them.
-- `gamma`: what stands for 1/D. "constant" (default) is ρ of Eq. 69-71; "exact" is Eq. 48, where
-  D = 0 counts as γ = 0; "regularized" is D/(D² + ε²).
-- `gamma_limit`: |γ| is cut to it; none by default, as printed.
-- `anti_windup`: "none" (default, as printed) integrates always; "conditional" holds the integral
-  while γ is cut or a wheel saturates.
-- `theta2_reference`: "reference" (default) takes θ2d from the scenario's reference; "tractor"
-  takes θ1, its rate, and no acceleration.
-- `singular_terms`: as in `controllers.lyapunov`; "omitted" by default, unlike the print.
+so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open (w, 1/D, limits, θ2d) is an option;
+the defaults are what it prints, but for `singular_terms` (`controllers.lyapunov`).
 
 Two facts to know before use. The correction turns (e2, e4) at the rate α·γ, for α2 = α4 = α, and
 is nothing where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact
@@ -82,7 +72,7 @@ def spring_push(
 def gamma(
     excess: FloatArray, d: FloatArray, options: LyapunovPidOptions
 ) -> tuple[FloatArray, BoolArray]:
-    """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut.
+    """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut; exact D = 0 counts as γ = 0.
 
     Args:
         excess: (...) what the correction shall take from k·θ̈2 [m/s²].
@@ -168,17 +158,17 @@ class LyapunovPidOptions(LyapunovOptions):
     """The article's Lyapunov-PID: law (32) and a correction for θ2.
 
     Laws (47) and (70) with the gains of Table II.
-
-    The defaults are what the article prints, but for `singular_terms`.
     """
 
     law = LyapunovPid
     kind: Literal["lyapunov_pid"] = "lyapunov_pid"  # type: ignore[assignment]  # the tag of another law
     correction: Literal["pid", "spring_damper"] = Field(
-        default="pid", description="what γ aims at: PID about θ2d (Eq. 61), or Eq. 60"
+        default="pid",
+        description="the w wanted: PID about θ2d (Eq. 62), or Eq. 60, a spring and a damper",
     )
     gamma: Literal["exact", "constant", "regularized"] = Field(
-        default="constant", description="1/D as in Eq. 48, constant ρ (Eq. 71), or D/(D² + ε²)"
+        default="constant",
+        description="what stands for 1/D: Eq. 48, constant ρ (Eq. 69-71), or D/(D² + ε²)",
     )
     rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
     gamma_regularization_m_s2: float = Field(
@@ -193,7 +183,7 @@ class LyapunovPidOptions(LyapunovOptions):
     k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
     c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
     theta2_reference: Literal["reference", "tractor"] = Field(
-        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1"
+        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1 and its rate"
     )
     anti_windup: Literal["none", "conditional"] = Field(
         default="none",

@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.shared.observer import Observed, wheels_turn
+from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
 from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -65,7 +65,7 @@ class HitchFriction:
 
     def rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
-        return now.body[:, 4] - wheels_turn(now.wheels, self.believed) - now.slip[:, 2]
+        return now.body[:, 4] - rolling_turn_rate(now.wheels, self.believed) - now.slip[:, 2]
 
     def acceleration(self, now: Observed) -> FloatArray:
         """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
@@ -73,7 +73,7 @@ class HitchFriction:
 
     def acceleration_along(self, state: FloatArray) -> FloatArray:
         """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
-        return self._acceleration(state[..., 4] - wheels_turn(state[..., 5:], self.believed))
+        return self._acceleration(state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed))
 
     def _acceleration(self, rate: FloatArray) -> FloatArray:
         return np.asarray(-self._size * rate / np.hypot(rate, self._scale_rad_s))

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.controllers.shared.riccati import Policy, apply, backward
+from ttwmr_mj.controllers.shared.riccati import RiccatiSolution, apply, backward
 from ttwmr_mj.controllers.shared.tracking_problem import (
     DISTURBANCES,
     INPUTS,
@@ -87,7 +87,7 @@ def _rollouts(
     problem: TrackingProblem,
     state: FloatArray,
     command: FloatArray,
-    policy: Policy,
+    policy: RiccatiSolution,
     start: FloatArray,
     disturbance: FloatArray,
     lengths: FloatArray,
@@ -134,7 +134,9 @@ def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArra
     return plan.state, plan.command
 
 
-def lqr(problem: TrackingProblem, state: FloatArray, command: FloatArray, decay: float) -> Policy:
+def lqr(
+    problem: TrackingProblem, state: FloatArray, command: FloatArray, decay: float
+) -> RiccatiSolution:
     """The time-varying LQR about a plan; its states (11) are the errors and the disturbances.
 
     Args:

@@ -49,18 +49,10 @@ class ObserverOptions(Config):
     are those of an overhead camera; they cost little where the measurement is better than that.
     """
 
-    position_std_m: float = Field(
-        default=2e-4, gt=0, le=1, description="noise of a measured x or y; a camera: 1e-4 to 1e-3"
-    )
-    angle_std_rad: float = Field(
-        default=1e-3, gt=0, le=1, description="noise of a measured angle; a camera: 1e-3"
-    )
-    velocity_std_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="noise of ẋ and ẏ; differentiated positions: 0.01"
-    )
-    rate_std_rad_s: float = Field(
-        default=0.05, gt=0, le=100, description="noise of θ̇1 and θ̇2; differentiated angles: 0.05"
-    )
+    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="noise of x and y")
+    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="noise of θ1 and θ2")
+    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="noise of ẋ and ẏ")
+    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="noise of θ̇1 and θ̇2")
     creep_walk_m_s: float = Field(
         default=2e-3, gt=0, le=10, description="how fast the tyres' slip may change, per √s"
     )
@@ -142,7 +134,7 @@ class Observer:
         body, slip = now.body.copy(), now.slip.copy()
         q_rate = np.empty_like(measured.q_rate)
         q_rate[:, :2] = self._model.velocity(body, now.wheels, slip)
-        q_rate[:, THETA1] = wheels_turn(now.wheels, self._robot) + slip[:, 2]
+        q_rate[:, THETA1] = rolling_turn_rate(now.wheels, self._robot) + slip[:, 2]
         q_rate[:, THETA2] = body[:, 4]
         # innovations, (nsim, 4) like q and its rate
         miss, drift = measured.q - body[:, :4], measured.q_rate - q_rate
@@ -161,7 +153,7 @@ class Observer:
         return Observed(body, now.wheels, slip, now.unexplained + more)
 
 
-def wheels_turn(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
+def rolling_turn_rate(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
     """(...) turn rate u2 of rolling wheels (Eq. 9) [rad/s]."""
     return twist_from_wheels(wheels, robot)[..., 1]
 

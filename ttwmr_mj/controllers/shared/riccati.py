@@ -9,7 +9,7 @@ import numpy as np
 from ttwmr_mj.state import FloatArray
 
 
-class Policy(NamedTuple):
+class RiccatiSolution(NamedTuple):
     """u = ū + feedforward + gain·(x − x̄) minimises the cost to second order; axes (n, batch)."""
 
     gain: FloatArray  # (n, batch, inputs, states)
@@ -25,7 +25,7 @@ def backward(
     residual: FloatArray,
     final: FloatArray,
     final_slope: FloatArray,
-) -> Policy:
+) -> RiccatiSolution:
     """Dynamic programming for x⁺ = A·x + B·u and stage cost ½|r + by_state·x + by_input·u|².
 
     The Riccati recursion, with the affine terms of a trajectory that is not optimal yet. The input
@@ -63,7 +63,7 @@ def backward(
         P = 0.5 * (P + np.swapaxes(P, -1, -2))
         p = q[k] + apply(At, p) + apply(Gt, f)
         gain[k], feedforward[k], cost[k] = K, f, P
-    return Policy(gain, feedforward, cost)
+    return RiccatiSolution(gain, feedforward, cost)
 
 
 def apply(matrix: FloatArray, vector: FloatArray) -> FloatArray:

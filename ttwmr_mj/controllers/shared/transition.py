@@ -114,9 +114,9 @@ class WaysBack:
         a_rate = a * self._turn_rate * self._rate[usable]
         error = self._flat_state(body, velocity, a, a_rate) - now[:4]
         strain, away = self._strain(k, error, steps * self._period, wheels)
-        turn = self._turn_rate * self._period * steps
+        angle = self._turn_rate * self._period * steps
         cost = EXCESS_RAD * np.maximum(strain - 1.0, 0.0) + AWAY_RAD * away / radius
-        chosen = (turn[:, None] + cost).argmin(axis=0)
+        chosen = (angle[:, None] + cost).argmin(axis=0)
         self._error[who], self._began[who] = error[chosen, np.arange(len(body))], k
         self._duration[who] = steps[chosen] * self._period
         return a[chosen], a_rate[chosen]
