@@ -59,7 +59,7 @@ class AccelerationToWheels:
         angle = np.abs(delta)
         # no faster than can be stopped where Δ ends; inactive for small ones
         rate = np.minimum(angle / self._period, np.sqrt(self._braking * angle))
-        # drive by what of w will lie ahead once this period's share of Δ is turned: all of it, mostly
+        # drive by what of w will lie ahead at the period's end: all of it, mostly
         forward = np.hypot(ahead, left) * np.maximum(np.cos(angle - rate * self._period), 0.0)
         wish = np.empty_like(self._wheels)
         wish[:, 0] = forward / self._radius
