@@ -6,7 +6,13 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.lyapunov import Lyapunov, LyapunovOptions, law, singular_term
+from ttwmr_mj.controllers.lyapunov import (
+    Lyapunov,
+    LyapunovOptions,
+    law,
+    lyapunov_function,
+    singular_term,
+)
 from ttwmr_mj.controllers.open_loop import OpenLoop, OpenLoopOptions, WheelSegment
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.hybrid import acceleration_from_twist
@@ -133,6 +139,30 @@ def test_v_decreases_as_the_docstring_claims() -> None:
     published = LyapunovOptions(kind="lyapunov", singular_terms="published")
     printed = bound - published.alpha1 * e**2  # Eq. 36, which the printed term is there for
     assert lyapunov_rate(e, rate, published) == pytest.approx(printed, rel=1e-9)
+
+
+def test_v_and_its_claimed_rate_by_hand() -> None:
+    options = LyapunovOptions(alpha1=2.0, alpha2=3.0, alpha3=5.0, alpha4=7.0)
+    v, claimed = lyapunov_function(np.array([[0.2, -0.1]]), np.array([[0.5, 0.4]]), options)
+    assert v == pytest.approx(0.5 * (2 * 0.04 + 3 * 0.25 + 5 * 0.01 + 7 * 0.16))
+    assert claimed == pytest.approx(-(2 * 0.04 + 2.25 + 5 * 0.01 + 2.8**2))
+
+
+def test_a_law_logs_v_and_its_slope() -> None:
+    circle = Circle(radius_m=1.0, angular_rate_rad_s=0.5).sample(PERIOD * np.arange(9))
+    controller, options = Lyapunov(LyapunovOptions()), LyapunovOptions()
+    controller.start(Task(ROBOT, circle, PERIOD, 1, np.random.default_rng(0)))
+    values = []
+    for k in range(3):
+        q, rate = np.full((1, 4), 0.1 * k), np.full((1, 4), 0.2)
+        signals = controller.command(k, estimate(q, rate)).signals
+        e, e_rate = q[:, :2] - circle.position_m[k], rate[:, :2] - circle.velocity_m_s[k]
+        v, claimed = lyapunov_function(e, e_rate, options)
+        assert signals["lyapunov_v"] == pytest.approx(v)
+        assert signals["lyapunov_v_rate_eq36_1_s"] == pytest.approx(claimed)
+        values.append(float(v[0]))
+        slope = (values[-1] - values[-2]) / PERIOD if k else np.nan
+        assert signals["lyapunov_v_rate_1_s"][0] == pytest.approx(slope, nan_ok=True)
 
 
 def test_the_published_term_is_singular_and_the_others_are_not() -> None:

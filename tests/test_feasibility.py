@@ -2,19 +2,28 @@
 
 from __future__ import annotations
 
+from importlib.resources import files
+from itertools import pairwise
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+from ttwmr_mj.dynamics.kinematics import to_body, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinetics import reduced_mass_matrix
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
+from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.planned import Plan, Planned, shipped_plans
-from ttwmr_mj.references.shared.feasibility import Feasibility, check_feasibility
+from ttwmr_mj.references.shared.feasibility import Feasibility, _forces, check_feasibility
+from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
 FAST = RobotParameters(servo=Servo(preset="fast"))
 LAB = RobotParameters()
 TIME = np.arange(0.0, 15.0, 0.033)
+FINE = np.arange(0.0, 7.0, 0.005)
 
 
 def circle(robot: RobotParameters = FAST, **options: float) -> Feasibility:
@@ -113,6 +122,124 @@ def test_plans_for_another_robot_or_of_no_name_are_refused() -> None:
     assert "was made for a trailer" in str(fault)
     (fault,) = Planned(plan="nine").faults(FAST)
     assert "allowed: figure_eight" in str(fault)
+
+
+def test_a_spring_and_a_damper_demand_what_they_give() -> None:
+    """A free trailer's motion, and a hitch that is not free: its torque is what is missing."""
+    path = FlatEllipse(half_axes_m=(0.6, 0.4), angular_rate_rad_s=0.9).sample(TIME, FAST)
+    angle, rate = path.theta[:, 0] @ [-1.0, 1.0], path.theta_rate[:, 0] @ [-1.0, 1.0]
+    for stiffness, damping, friction in ((0.02, 0.0, 0.0), (0.0, 0.05, 0.0), (0.02, 0.05, 0.004)):
+        hitch = Hitch(
+            stiffness_n_m_rad=stiffness,
+            damping_n_m_s_rad=damping,
+            coulomb_friction_n_m=friction,
+        )
+        check = check_feasibility(path, FAST.model_copy(update={"hitch": hitch}))["free trailer"]
+        torque = np.abs(stiffness * angle + damping * rate)
+        assert check.worst == pytest.approx(torque.max() - friction, rel=1e-9)
+        assert check.worst_time_s == TIME[torque.argmax()]
+
+
+def test_forces_of_a_straight_start_by_hand() -> None:
+    """Both wheels push the whole mass; a trailer without θ2 counts as in line."""
+    for theta2 in ("aligned", "none"):
+        line = StraightLine(speed_m_s=0.4, ramp_s=1.0, heading_rad=0.7, theta2=theta2)
+        verdict = check_feasibility(line.sample(np.arange(0.0, 2.0, 0.01)), FAST)
+        surge = 0.4 * 35.0 / 16.0  # the steepest slope of the septic smoothstep, in its middle
+        force, radius = (0.9 + 0.33) * surge, FAST.tractor.wheel_radius_m
+        assert verdict["grip"].worst == pytest.approx(force, rel=1e-9)
+        assert verdict["grip"].limit == pytest.approx(0.9 * 9.81 * 0.9 * (1 - 0.029 / 0.075))
+        torque = 0.5 * radius * force + 2e-4 * surge / radius
+        assert verdict["wheel torque"].worst == pytest.approx(torque, rel=1e-9)
+        assert verdict["wheel torque"].worst_time_s == pytest.approx(0.5)
+        assert verdict["wheel acceleration"].worst == pytest.approx(surge / radius, rel=1e-9)
+        assert verdict["defined"].kept is (theta2 == "aligned")
+
+
+def test_the_wheels_power_is_the_change_of_kinetic_energy() -> None:
+    """On the motion of a free trailer nothing else works."""
+    path = FlatEllipse(half_axes_m=(0.6, 0.4), angular_rate_rad_s=0.9).sample(FINE, FAST)
+    q, rate = path.q, path.q_rate
+    twist = workspace_rate(q, rate)
+    surge, _ = to_body(path.theta1_rad, *np.moveaxis(path.acceleration_m_s2, -1, 0))
+    acceleration = np.concatenate([surge[..., None], path.theta_acceleration], axis=-1)
+    torque, grip = _forces(q, twist, acceleration, FAST)
+    power = (torque * wheels_from_twist(twist, FAST)).sum(axis=-1)[:, 0]
+    inertia = np.einsum("...i,...ij,...j", twist, reduced_mass_matrix(q, FAST), twist)[:, 0]
+    # central differences: T²/6 of the third derivative of half a millijoule
+    slope = np.gradient(0.5 * inertia, FINE)[1:-1]
+    assert slope == pytest.approx(power[1:-1], abs=1e-4 * np.abs(power).max())
+    assert (grip[:, 0] >= np.abs(torque.sum(axis=-1))[:, 0] / FAST.tractor.wheel_radius_m).all()
+
+
+def test_the_workspace_counts_both_labels() -> None:
+    time_s = np.array([0.0, 1.0])
+    for heading in (0.0, np.pi):
+        line = StraightLine(speed_m_s=1e-6, heading_rad=heading, theta2="aligned")
+        check = check_feasibility(line.sample(time_s), FAST, workspace_m=(0.4, 10.0))["workspace"]
+        assert check.worst == pytest.approx(0.213 / 0.2, rel=1e-4)  # the trailer's is further off
+    line = StraightLine(speed_m_s=1e-6, start_m=(0.1, 0.0), theta2="none")
+    check = check_feasibility(line.sample(time_s), FAST, workspace_m=(0.4, 10.0))["workspace"]
+    assert check.worst == pytest.approx(0.203 / 0.2, rel=1e-4)
+
+
+def test_stretches_are_counted_and_a_note_is_no_fault() -> None:
+    """Rest to rest, F'' vanishes at both ends; the flatness-based law alone cannot follow that."""
+    path = Planned(plan="rest_to_rest").sample(np.arange(0.0, 7.0, 0.01), FAST)
+    verdict = check_feasibility(path, FAST)
+    note = verdict["flatness, least |F''|"]
+    assert verdict.feasible
+    assert not note.kept
+    assert note.worst < note.limit == 1e-3
+    assert f"note {note.name}" in str(verdict)
+    assert f"and {len(note.spans_s) - 1} more" in str(note)
+    assert all(a <= b for a, b in note.spans_s)
+    steady = circle()["flatness, least |F''|"]
+    assert steady.worst == pytest.approx(0.6, rel=1e-9)
+    assert steady.kept
+
+
+def test_a_tractor_that_slides_sideways_is_noticed() -> None:
+    path = Circle(radius_m=0.5, angular_rate_rad_s=0.4, theta2="aligned").sample(TIME)
+    path.theta[..., 0] += 0.1
+    check = check_feasibility(path, FAST)["no side slip"]
+    assert check.worst == pytest.approx(0.2 * np.sin(0.1), rel=1e-9)
+    assert not check.kept
+
+
+@pytest.mark.parametrize("name", shipped_plans())
+def test_a_plans_derivatives_are_derivatives(name: str) -> None:
+    step = 1e-3
+    path = Planned(plan=name).sample(np.arange(0.5, 3.0, step), FAST)
+    for values in (
+        [path.derivatives[:, 0, order] for order in range(4)],
+        [path.theta[:, 0], path.theta_rate[:, 0], path.theta_acceleration[:, 0]],
+    ):
+        for lower, higher in pairwise(values):
+            central = (lower[2:] - lower[:-2]) / (2.0 * step)
+            # second order: step²/6 of a derivative of up to 1e3 times this one
+            assert central == pytest.approx(higher[1:-1], abs=1e-3 * (1.0 + np.abs(higher).max()))
+        assert np.abs(values[1]).max() > 0.01
+
+
+def test_a_file_that_is_no_plan_says_why(tmp_path: Path) -> None:
+    good = (files("ttwmr_mj.references") / "data" / "rest_to_rest.csv").read_text("utf-8")
+    lines = good.splitlines()
+    head, rows = lines[:4], lines[4:]
+
+    def problem(text: str) -> str:
+        path = tmp_path / "mine.csv"
+        path.write_text(text, encoding="utf-8")
+        return " ".join(fault.problem for fault in Planned(plan=str(path)).faults(FAST))
+
+    assert problem(good) == ""
+    assert problem(good + "# a remark\n") == ""
+    assert "it lacks the note ends" in problem(good.replace("# ends:", "# end:"))
+    assert "not as it began or at rest" in problem(good.replace("ends: at rest", "ends: somehow"))
+    assert "at least 8 rows" in problem("\n".join([*head, *rows[:7]]))
+    assert "at least 8 rows" in problem("\n".join([*head, *(row + ",0" for row in rows)]))
+    assert "do not rise" in problem("\n".join([*lines, rows[-1]]))
+    assert "not all finite" in problem("\n".join([*head, "-1,nan,0,0,0", *rows]))
 
 
 def test_the_planner_makes_what_is_shipped(tmp_path) -> None:  # type: ignore[no-untyped-def]

@@ -47,6 +47,15 @@ def test_it_runs_from_one_angle_to_the_other_and_slowly_on() -> None:
     assert np.hypot(*middle[0, 1]) == pytest.approx(0.6 * 1.0, rel=1e-12)
 
 
+@pytest.mark.parametrize(("start", "stop"), [(3.0, 0.5), (-3.0, -0.5), (0.2, 0.9), (-0.2, -0.9)])
+def test_the_order_of_the_angles_gives_the_sense(start: float, stop: float) -> None:
+    arc = ARC.model_copy(update={"angles_rad": (start, stop), "centre_m": (0.0, 0.0)})
+    position = arc.flat_derivatives(np.linspace(0.0, arc.duration_s, 50))[:, 0]
+    angle = np.unwrap(np.arctan2(position[:, 1], position[:, 0]))
+    assert angle[[0, -1]] == pytest.approx([start, stop], abs=1e-12)
+    assert (np.sign(stop - start) * np.diff(angle) > 0.0).all()
+
+
 def test_every_derivative_is_the_derivative_of_the_one_before() -> None:
     step = 1e-3
     # short of the ends, where the seventh derivative of the angle jumps

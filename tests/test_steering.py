@@ -173,10 +173,10 @@ def test_smooth_friction_is_dry_friction_where_the_hitch_slides_fast() -> None:
 def test_who_believes_less_friction_feeds_less_forward() -> None:
     robot = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=1e-3)})
     state = np.array([[0.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0]])
-    full = HitchFriction(robot, FrictionOptions()).swing_along(state)
+    full = HitchFriction(robot, FrictionOptions()).acceleration_along(state)
     doubting = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=0.7e-3)})
-    less = HitchFriction(doubting, FrictionOptions()).swing_along(state)
-    none = HitchFriction(robot, FrictionOptions(dry="ignored")).swing_along(state)
+    less = HitchFriction(doubting, FrictionOptions()).acceleration_along(state)
+    none = HitchFriction(robot, FrictionOptions(dry="ignored")).acceleration_along(state)
     assert less == pytest.approx(0.7 * full)
     assert full[0] == pytest.approx(-1e-3 / robot.swing_inertia_kg_m2, rel=1e-3)
     assert none[0] == 0.0

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from ttwmr_mj.controllers.shared.gauss_newton import fit
 from ttwmr_mj.controllers.shared.riccati import backward
 from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
-from ttwmr_mj.controllers.tvlqr import TvlqrOptions, fit
+from ttwmr_mj.controllers.tvlqr import TvlqrOptions
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
@@ -65,8 +66,9 @@ def test_riccati_converges_to_the_stationary_gain() -> None:
         np.broadcast_to(B, (count, 1, 3, 1)),
         np.broadcast_to(by_state, (count, 1, 4, 3)),
         by_input,
-        None,
+        np.zeros((count, 1, 4)),
         np.zeros((1, 3, 3)),
+        np.zeros((1, 3)),
     )
     P = solve_discrete_are(A, B, np.eye(3), 0.49 * np.eye(1))
     assert policy.cost[0, 0] == pytest.approx(P, rel=1e-8)
@@ -81,7 +83,7 @@ def test_riccati_with_affine_terms_is_the_least_squares_solution() -> None:
     A, B = rng.normal(size=(n, 1, s, s)), rng.normal(size=(n, 1, s, i))
     J, E = rng.normal(size=(n, 1, m, s)), rng.normal(size=(n, 1, m, i))
     r = rng.normal(size=(n, 1, m))
-    policy = backward(A, B, J, E, r, np.zeros((1, s, s)))
+    policy = backward(A, B, J, E, r, np.zeros((1, s, s)), np.zeros((1, s)))
     x0 = rng.normal(size=s)
     x, inputs = x0, []
     for k in range(n):
@@ -119,11 +121,11 @@ def test_linearisation_predicts_a_small_change() -> None:
     task, rng = problem(), np.random.default_rng(3)
     state = np.array([[0.1, 0.2, 0.5, 2.0, 0.8, 17.0, 15.0]])
     command = np.array([[17.5, 15.2]])
-    linear = task.linearise(state, command)
+    linear = task.linearise(state, command, np.zeros(4))
     moved, pushed = 1e-4 * rng.normal(size=(1, 7)), 1e-4 * rng.normal(size=(1, 2))
     disturbance = 1e-4 * rng.normal(size=(1, 4))
     change = task.next_state(state + moved, command + pushed, disturbance)
-    change = change - task.next_state(state, command)
+    change = change - task.next_state(state, command, np.zeros(4))
     expected = linear.A[0] @ moved[0] + linear.B[0] @ pushed[0] + linear.D[0] @ disturbance[0]
     assert change[0] == pytest.approx(expected, abs=1e-7)
 
@@ -133,7 +135,7 @@ def test_a_fitted_reference_is_a_trajectory_of_the_sampled_model() -> None:
     path = Planned(plan="figure_eight").sample(PERIOD * np.arange(200), ROBOT)
     target = task.target(path)
     state, command = fit(task, target)
-    after = task.next_state(state[:-1], command)
+    after = task.next_state(state[:-1], command, np.zeros(4))
     assert after == pytest.approx(state[1:], abs=1e-12)
     miss = np.linalg.norm(task.centre(state) - target.centre, axis=-1)
     assert miss.max() < 1.5e-3  # commands held for 33 ms cannot do better on this eight

@@ -6,13 +6,13 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import ClassVar, get_args
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.references.shared.reference import Reference
+from ttwmr_mj.references.shared.reference import Reference, kind_of
 from ttwmr_mj.registry import Registry
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
@@ -81,19 +81,22 @@ class Controller(ABC):
         return Command(wheel_speed_rad_s, saturated=clear, near_singular=clear)
 
 
-class ControllerOptions(Config, ABC):
+class ControllerOptions(Config):
     """Options of one law. A subclass declares `kind: Literal["its_name"] = "its_name"`.
 
     Attributes:
+        law: what is made of the options; or override `make`.
         needs_reference: whether there must be something to follow.
     """
 
     kind: str
+    law: ClassVar[type[Law[Any]]]
     needs_reference: ClassVar[bool] = True
 
-    @abstractmethod
     def make(self, folder: Path) -> Controller:
         """The law with these options, not yet started; `folder` is that of the scenario."""
+        del folder
+        return self.law(self)
 
     def faults(self, reference: Reference, path: ReferencePath | None) -> list[Fault]:
         """What the law needs of the reference and does not find; keys from the scenario's root.
@@ -117,6 +120,16 @@ class ControllerOptions(Config, ABC):
         return []
 
 
+OptionsT = TypeVar("OptionsT", bound=ControllerOptions)
+
+
+class Law(Controller, Generic[OptionsT]):
+    """A control law that is made of its options alone."""
+
+    def __init__(self, options: OptionsT) -> None:
+        self._options = options
+
+
 def undefined_theta2(reference: Reference, problem: str, hint: str) -> Fault:
     """A fault of `path_faults`: θ2 is undefined where the law needs it."""
     key = "theta2" if "theta2" in type(reference).model_fields else "kind"
@@ -126,14 +139,6 @@ def undefined_theta2(reference: Reference, problem: str, hint: str) -> Fault:
     )
 
 
-def _kind_of(cls: type[ControllerOptions]) -> str | None:
-    names = get_args(cls.model_fields["kind"].annotation)
-    return names[0] if names else None
-
-
 CONTROLLERS: Registry[ControllerOptions] = Registry(
-    "ttwmr_mj.controllers",
-    ControllerOptions,  # type: ignore[type-abstract]  # only ever compared with
-    _kind_of,
-    "ttwmr_mj.controllers",
+    "ttwmr_mj.controllers", ControllerOptions, kind_of, "ttwmr_mj.controllers"
 )

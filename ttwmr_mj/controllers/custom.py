@@ -22,40 +22,33 @@ class CustomOptions(ControllerOptions):
     options: dict[str, Any] = Field(default={}, description="keyword arguments of the class")
 
     def make(self, folder: Path) -> Controller:
-        """An instance of the user's class; this imports the user's module.
+        """Import the module, from the scenario's folder or the Python path; make the controller.
 
         Raises:
             InputError: the module or class cannot be found or made, or is no `Controller`.
         """
-        return load_controller(self, folder)
-
-
-def load_controller(options: CustomOptions, folder: Path) -> Controller:
-    """Import the module, from the scenario's folder or the Python path, and make the controller.
-
-    Raises:
-        InputError: the module or class cannot be found or made, or is no `Controller`.
-    """
-    module_name, class_name = options.target.split(":")
-    key, got = "controller.target", repr(options.target)
-    sys.path.insert(0, str(folder.resolve()))
-    try:
-        module = importlib.import_module(module_name)
-    except Exception as error:  # a user's module may raise anything
-        raise InputError.at(
-            key,
-            f"importing {module_name} raised {type(error).__name__}: {error}",
-            got=got,
-            hint=f"it must be beside the scenario ({folder}) or on the Python path",
-        ) from error
-    finally:
-        sys.path.pop(0)
-    found = getattr(module, class_name, None)
-    if not (isinstance(found, type) and issubclass(found, Controller)):
-        problem = f"{module_name} has no class {class_name} that derives from ttwmr_mj.Controller"
-        raise InputError.at(key, problem, got=got)
-    try:
-        return found(**options.options)
-    except Exception as error:
-        problem = f"{class_name}(**controller.options) raised {type(error).__name__}: {error}"
-        raise InputError.at(key, problem, got=got) from error
+        module_name, class_name = self.target.split(":")
+        key, got = "controller.target", repr(self.target)
+        sys.path.insert(0, str(folder.resolve()))
+        try:
+            module = importlib.import_module(module_name)
+        except Exception as error:  # a user's module may raise anything
+            raise InputError.at(
+                key,
+                f"importing {module_name} raised {type(error).__name__}: {error}",
+                got=got,
+                hint=f"it must be beside the scenario ({folder}) or on the Python path",
+            ) from error
+        finally:
+            sys.path.pop(0)
+        found = getattr(module, class_name, None)
+        if not (isinstance(found, type) and issubclass(found, Controller)):
+            problem = (
+                f"{module_name} has no class {class_name} that derives from ttwmr_mj.Controller"
+            )
+            raise InputError.at(key, problem, got=got)
+        try:
+            return found(**self.options)
+        except Exception as error:
+            problem = f"{class_name}(**controller.options) raised {type(error).__name__}: {error}"
+            raise InputError.at(key, problem, got=got) from error

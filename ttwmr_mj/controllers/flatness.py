@@ -36,15 +36,14 @@ circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: 
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
-from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.observer import Observer, ObserverOptions, Seen, wheels_turn
+from ttwmr_mj.controllers.base import Command, Task
+from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
+from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
 from ttwmr_mj.controllers.shared.transition import WaysBack
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.flatness import (
@@ -55,8 +54,8 @@ from ttwmr_mj.dynamics.flatness import (
     velocity_behind,
 )
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
-from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.feasibility import LEAST_ACCELERATION_M_S2
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
@@ -64,170 +63,104 @@ from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 BANDWIDTH = 3.5  # λ in turn rates of the reference's trailer, where none is given
 FAR = 0.4  # error of F'', as a share of F'', from which on another way back is looked for
-LEAST_ACCELERATION_M_S2 = 1e-3  # of F in a reference; slower circles have hardly any authority
 
 
-class FlatnessOptions(ControllerOptions):
-    """Linearises the motion of F exactly; steers the trailer."""
-
-    kind: Literal["flatness"] = "flatness"
-    bandwidth_per_s: float | None = Field(
-        default=None,
-        gt=0,
-        le=30,
-        description="λ: the error obeys (s + λ)⁴, nearly; left out: 3.5 times the mean turn rate "
-        "of the reference's trailer",
-    )
-    integral_share: float = Field(
-        default=0.15, ge=0, le=0.5, description="κ: the error's integral settles at κλ"
-    )
-    least_acceleration_share: float = Field(
-        default=0.3, gt=0, le=1, description="of the reference's |F''|; less makes θ2 undefined"
-    )
-    friction: FrictionOptions = FrictionOptions()
-    observer: ObserverOptions = ObserverOptions()
-
-    def make(self, folder: Path) -> Controller:
-        """The law."""
-        del folder
-        return Flatness(self)
-
-    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
-        """The law needs the centre of oscillation, accelerating."""
-        key, got, law = ("reference", "kind"), repr(reference.kind), "controller.kind = 'flatness'"
-        if path.flat_derivatives is None:
-            problem = f"{law} needs a reference of the trailer's centre of oscillation"
-            allowed = "'flat_circle', 'flat_ellipse', 'flat_arc'"
-            return [Fault(key=key, got=got, problem=problem, allowed=allowed)]
-        along = np.abs(acceleration_along(path)).min(axis=1)
-        along = np.nan_to_num(along)  # an undefined direction is that of no acceleration
-        if along.min() >= LEAST_ACCELERATION_M_S2:
-            return []
-        problem = (
-            "on which the trailer's centre of oscillation hardly accelerates at "
-            f"{path.time_s[along.argmin()]:.3g} s ({along.min():.1g} m/s²); {law} needs at least "
-            f"{LEAST_ACCELERATION_M_S2:g} m/s² everywhere"
-        )
-        return [Fault(key=key, got=got, problem=problem, hint="'tvlqr' and 'mpc' do not")]
-
-
-def acceleration_along(path: ReferencePath) -> FloatArray:
-    """(n, batch) a = F''·t of a reference of F [m/s²]; NaN where θ2 is undefined."""
-    assert path.flat_derivatives is not None, "path_faults looks for it"
-    return dot(path.flat_derivatives[:, :, 2], trailer_axes(path.theta2_rad)[0])
-
-
-class Flatness(Controller):
+class Flatness(SteeringLaw["FlatnessOptions"]):
     """The law above, on the observer's state, with the wheel map of the article's law."""
-
-    def __init__(self, options: FlatnessOptions) -> None:
-        self._options = options
 
     def start(self, task: Task) -> None:
         """Take the reference."""
-        path = task.path
+        super().start(task)
+        path, options, nsim = task.path, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
-        self._flat = path.flat_derivatives
-        direction, _ = trailer_axes(path.theta2_rad)
+        flat = path.flat_derivatives
         along = acceleration_along(path)
+        direction, _ = trailer_axes(path.theta2_rad[0])
+        self._length = self._robot.swing_length_m
+        self._wheels = AccelerationToWheels(self._robot, self._period, nsim)
+        # a and a', the states of the chain
+        self._along = np.broadcast_to(along[0], (nsim,)).copy()
+        self._along_rate = np.broadcast_to(dot(flat[0, :, 3], direction), (nsim,)).copy()
         self._sign = np.sign(along[0])
-        self._least = self._options.least_acceleration_share * np.abs(along)
-        self._friction = HitchFriction(task.robot, self._options.friction)
-        robot = self._friction.believed
-        self._length, self._period = robot.swing_length_m, task.sampling_time_s
-        self._model = SampledModel(robot, task.sampling_time_s)
-        self._observer = Observer(robot, self._model, self._options.observer)
-        self._wheels = AccelerationToWheels(robot, task.sampling_time_s, task.nsim)
-        self._robot = robot
-        self._along = np.broadcast_to(along[0], (task.nsim,)).copy()
-        self._along_rate = np.broadcast_to(
-            dot(self._flat[0, :, 3], direction[0]), (task.nsim,)
-        ).copy()
-        self._turn = path.theta_rate[:, :, 1]
-        self._integral: ComplexArray = np.zeros(task.nsim, dtype=np.complex128)
-        turn = float(np.abs(self._turn).mean())
-        self._bandwidth = self._options.bandwidth_per_s or BANDWIDTH * turn
-        self._trouble: BoolArray = np.zeros(task.nsim, dtype=np.bool_)
+        self._least = options.least_acceleration_share * np.abs(along)
+        self._turn_rate = path.theta_rate[:, :, 1]  # ω
+        self._integral: ComplexArray = np.zeros(nsim, dtype=np.complex128)
+        mean_rate = float(np.abs(self._turn_rate).mean())
+        self._bandwidth = options.bandwidth_per_s or BANDWIDTH * mean_rate
+        self._trouble: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._ways = WaysBack(
-            self._flat,
-            self._least,
-            float(self._sign[0]),
-            turn,
-            robot,
-            task.sampling_time_s,
-            task.nsim,
+            flat, self._least, float(self._sign[0]), mean_rate, self._robot, self._period, nsim
         )
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law."""
-        seen = self._observer.update(estimate)
-        rate, T = seen.body[:, 4], self._period
-        swing = seen.swing + self._hitch(seen)
-        self._change_way(k, seen)
-        s, error = self._fourth_derivative(k, seen, swing)
-        t, n = trailer_axes(seen.body[:, 3])
-        a, a_rate, pull = self._along, self._along_rate, self._length * swing
-        turn = (dot(s, n) - 2.0 * a_rate * rate - pull * rate**2) / a
-        bend = dot(s, t) + a * rate**2 - pull * turn
+        now = self._observer.update(estimate)
+        theta2, rate, T, length = now.body[:, 3], now.body[:, 4], self._period, self._length
+        d = now.unexplained + self._hitch(now)
+        self._change_way(k, now)
+        s, error = self._fourth_derivative(k, now, d)
+        t, n = trailer_axes(theta2)
+        a, a_rate, kd = self._along, self._along_rate, length * d
+        theta2_acceleration = (dot(s, n) - 2.0 * a_rate * rate - kd * rate**2) / a
+        a_acceleration = dot(s, t) + a * rate**2 - kd * theta2_acceleration
         # means over the period, along axes turned to its middle
-        t, n = trailer_axes(seen.body[:, 3] + 0.5 * T * rate)
-        surge = a + 0.5 * T * a_rate + T * T / 6.0 * bend - self._length * rate**2
-        sway = self._length * (turn - swing)
-        acceleration = surge[:, None] * t + sway[:, None] * n
-        command = self._wheels.command(acceleration, self._state(seen))
+        t, n = trailer_axes(theta2 + 0.5 * T * rate)
+        along = a + 0.5 * T * a_rate + T * T / 6.0 * a_acceleration - length * rate**2
+        across = length * (theta2_acceleration - d)
+        command = self._wheels.command(along[:, None] * t + across[:, None] * n, self._state(now))
         after = self._observer.commanded(command.wheel_speed_rad_s)
-        self._along, self._along_rate = a + T * a_rate + 0.5 * T * T * bend, a_rate + T * bend
-        held = self._hold_to_the_possible(k, seen, after, command)
+        self._along = a + T * a_rate + 0.5 * T * T * a_acceleration
+        self._along_rate = a_rate + T * a_acceleration
+        held = self._hold_to_the_possible(k, now, after, command)
         self._trouble = self._trouble | held | command.saturated | command.near_singular
         share = self._options.integral_share * self._bandwidth
         self._integral = self._integral + T * share * error * ~command.saturated
         return command
 
-    def _hitch(self, seen: Seen) -> FloatArray:
+    def _hitch(self, now: Observed) -> FloatArray:
         """(nsim,) θ̈2 that the hitch is believed to cause: spring, damper, smoothed friction."""
-        slide = seen.body[:, 4] - wheels_turn(seen.wheels, self._robot) - seen.slip[:, 2]
-        spring = spring_damper_acceleration(seen.body[:, 3] - seen.body[:, 2], slide, self._robot)
-        return spring + self._friction.swing(seen)
+        angle = now.body[:, 3] - now.body[:, 2]
+        spring = spring_damper_acceleration(angle, self._friction.rate(now), self._robot)
+        return spring + self._friction.acceleration(now)
 
     def _fourth_derivative(
-        self, k: int, seen: Seen, swing: FloatArray
+        self, k: int, now: Observed, d: FloatArray
     ) -> tuple[FloatArray, ComplexArray]:
         """Choice s (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
         reference = self._ways.reference(k)
-        rate, a, pull = seen.body[:, 4], self._along, self._length * swing
-        t, n = trailer_axes(seen.body[:, 3])
-        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
-        e = point_behind(seen.body, self._length) - reference[:, 0]
-        e1 = velocity_behind(velocity, seen.body[:, 3], rate, self._length) - reference[:, 1]
-        e2 = a[:, None] * t - pull[:, None] * n - reference[:, 2]
-        e3 = (self._along_rate + pull * rate)[:, None] * t + (a * rate)[:, None] * n
+        theta2, rate, a, kd = now.body[:, 3], now.body[:, 4], self._along, self._length * d
+        t, n = trailer_axes(theta2)
+        e = point_behind(now.body, self._length) - reference[:, 0]
+        e1 = velocity_behind(self._velocity(now), theta2, rate, self._length) - reference[:, 1]
+        e2 = a[:, None] * t - kd[:, None] * n - reference[:, 2]
+        e3 = (self._along_rate + kd * rate)[:, None] * t + (a * rate)[:, None] * n
         e3 = e3 - reference[:, 3]
         self._trouble = np.hypot(*e2.T) > FAR * np.hypot(*reference[:, 2].T)
         w = self._bandwidth
         s = reference[:, 4] - 4 * w * e3 - 6 * w**2 * e2 - 4 * w**3 * e1 - w**4 * e
-        i = (w + 1j * self._turn[k]) ** 4 * self._integral
+        i = (w + 1j * self._turn_rate[k]) ** 4 * self._integral
         s = s - i.real[:, None] * t - i.imag[:, None] * n
         return s, dot(e, t) + 1j * dot(e, n)
 
-    def _change_way(self, k: int, seen: Seen) -> None:
+    def _change_way(self, k: int, now: Observed) -> None:
         """A new way back for those who could not do what the law asked for."""
         who = self._ways.wanted(k, self._trouble)
         if not who.any():
             return
-        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
-        start = self._ways.choose(k, who, seen.body[who], velocity[who], seen.wheels[who])
+        start = self._ways.choose(k, who, now.body[who], self._velocity(now)[who], now.wheels[who])
         if start is not None:
             self._along[who], self._along_rate[who] = start
 
-    def _hold_to_the_possible(self, k: int, seen: Seen, after: Seen, command: Command) -> BoolArray:
+    def _hold_to_the_possible(
+        self, k: int, now: Observed, after: Observed, command: Command
+    ) -> BoolArray:
         """Keep a away from zero, and to what P really does where wheels were cut.
 
         Returns:
             (nsim,) where a had come too close to zero.
         """
-        change = self._model.velocity(after.body, after.wheels, after.slip)
-        change = change - self._model.velocity(seen.body, seen.wheels, seen.slip)
-        t, _ = trailer_axes(0.5 * (seen.body[:, 3] + after.body[:, 3]))
+        change = self._velocity(after) - self._velocity(now)
+        t, _ = trailer_axes(0.5 * (now.body[:, 3] + after.body[:, 3]))
         possible = dot(change, t) / self._period + self._length * after.body[:, 4] ** 2
         cut = command.saturated
         size = self._sign * np.where(cut, possible, self._along)
@@ -236,9 +169,63 @@ class Flatness(Controller):
         self._along_rate = np.where(cut | (size < least), 0.0, self._along_rate)
         return np.asarray(size < least)
 
-    def _state(self, seen: Seen) -> RobotState:
+    def _velocity(self, now: Observed) -> FloatArray:
+        """(nsim, 2) of P, slip included [m/s]."""
+        return self._model.velocity(now.body, now.wheels, now.slip)
+
+    def _state(self, now: Observed) -> RobotState:
         """What the wheel map asks for; it looks at rates only at the first sample."""
-        velocity = self._model.velocity(seen.body, seen.wheels, seen.slip)
-        turn = wheels_turn(seen.wheels, self._robot)
-        rates = np.column_stack([velocity, turn, seen.body[:, 4]])
-        return RobotState(q=seen.body[:, :4], q_rate=rates)
+        turn_rate = rolling_turn_rate(now.wheels, self._robot)
+        rates = np.column_stack([self._velocity(now), turn_rate, now.body[:, 4]])
+        return RobotState(q=now.body[:, :4], q_rate=rates)
+
+
+def acceleration_along(path: ReferencePath) -> FloatArray:
+    """(n, batch) a = F''·t of a reference of F [m/s²]; NaN where θ2 is undefined."""
+    assert path.flat_derivatives is not None, "path_faults looks for it"
+    return dot(path.flat_derivatives[:, :, 2], trailer_axes(path.theta2_rad)[0])
+
+
+class FlatnessOptions(SteeringOptions):
+    """Linearises the motion of F exactly; steers the trailer."""
+
+    law = Flatness
+    kind: Literal["flatness"] = "flatness"
+    bandwidth_per_s: float | None = Field(
+        default=None,
+        gt=0,
+        le=30,
+        description="λ: all four poles of the error are near −λ; left out: 3.5 times the mean turn "
+        "rate of the reference's trailer, typically 1 to 4",
+    )
+    integral_share: float = Field(
+        default=0.15,
+        ge=0,
+        le=0.5,
+        description="κ: the integral of the error settles at the rate κλ",
+    )
+    least_acceleration_share: float = Field(
+        default=0.3,
+        gt=0,
+        le=1,
+        description="share of the reference's |F''| that the law keeps: near none θ2 is undefined",
+    )
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """The law needs the centre of oscillation, accelerating."""
+        key, got, law = ("reference", "kind"), repr(reference.kind), "controller.kind = 'flatness'"
+        if path.flat_derivatives is None:
+            problem = f"{law} needs a reference of the trailer's centre of oscillation"
+            allowed = "'flat_circle', 'flat_ellipse', 'flat_arc'"
+            return [Fault(key=key, got=got, problem=problem, allowed=allowed)]
+        along = acceleration_along(path)
+        turned = np.sign(along) != np.sign(along[0])  # it has passed through zero, between samples
+        along = np.where(turned, 0.0, np.nan_to_num(np.abs(along))).min(axis=1)  # NaN: F'' is zero
+        if along.min() >= LEAST_ACCELERATION_M_S2:
+            return []
+        problem = (
+            "on which the trailer's centre of oscillation hardly accelerates at "
+            f"{path.time_s[along.argmin()]:.3g} s ({along.min():.1g} m/s²); {law} needs at least "
+            f"{LEAST_ACCELERATION_M_S2:g} m/s² everywhere"
+        )
+        return [Fault(key=key, got=got, problem=problem, hint="'tvlqr' and 'mpc' do not")]

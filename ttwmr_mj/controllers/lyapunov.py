@@ -22,38 +22,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
+from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import FloatArray
-
-
-class LyapunovOptions(ControllerOptions):
-    """The article's law (32) for the tractor alone, gains of Table II."""
-
-    kind: Literal["lyapunov"] = "lyapunov"
-    alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")
-    alpha2: float = Field(default=10.0, gt=0, le=1e6, description="α2, on e2 = ẋ − ẋ_d")
-    alpha3: float = Field(default=25.0, gt=0, le=1e6, description="α3, on e3 = y − y_d")
-    alpha4: float = Field(default=10.0, gt=0, le=1e6, description="α4, on e4 = ẏ − ẏ_d")
-    singular_terms: Literal["omitted", "regularized", "published"] = Field(
-        default="omitted",
-        description="what becomes of e1²/e2 and e3²/e4, which Theorem 1 overlooks",
-    )
-    regularization_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
-    )
-
-    def make(self, folder: Path) -> Controller:
-        """The law."""
-        del folder
-        return Lyapunov(self)
+from ttwmr_mj.state import FloatArray, RobotState
 
 
 def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovOptions) -> FloatArray:
@@ -96,47 +73,54 @@ def lyapunov_function(
     return v, claimed
 
 
-class LyapunovSignals:
-    """Logs V, its slope since the last sample, and what the article claims of V'."""
-
-    def __init__(self, options: LyapunovOptions, sampling_time_s: float) -> None:
-        self._options, self._period = options, sampling_time_s
-        self._before: FloatArray | float = np.nan
-
-    def of(self, e: FloatArray, e_rate: FloatArray) -> dict[str, FloatArray]:
-        """Signals of one sample, from errors (nsim, 2) as in `law`."""
-        v, claimed = lyapunov_function(e, e_rate, self._options)
-        slope, self._before = (v - self._before) / self._period, v
-        return {
-            "lyapunov_v": v,
-            "lyapunov_v_rate_1_s": slope,
-            "lyapunov_v_rate_eq36_1_s": claimed,
-        }
-
-
-class Lyapunov(Controller):
+class Lyapunov(Law["LyapunovOptions"]):
     """Law (32) and the map of Eq. 27-28 to wheel speeds.
 
     v_d is the reference's mean acceleration over the coming period, (ẋ_d(k+1) − ẋ_d(k))/T: with
     it, zero error is an exact equilibrium of the sampled loop.
     """
 
-    def __init__(self, options: LyapunovOptions) -> None:
-        self._options = options
-
     def start(self, task: Task) -> None:
         """Take the reference."""
-        self._position = task.path.position_m
-        self._velocity = task.path.velocity_m_s
+        self._reference, self._period = task.path, task.sampling_time_s
+        self._position, self._velocity = task.path.position_m, task.path.velocity_m_s
         self._mean_acceleration = np.diff(self._velocity, axis=0) / task.sampling_time_s
         self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
-        self._signals = LyapunovSignals(self._options, task.sampling_time_s)
+        self._v: FloatArray | float = np.nan
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law on the estimated position and velocity of P."""
-        state = estimate.state
+        e, e_rate, v = self._law(k, estimate.state)
+        command = self._wheels.command(v, estimate.state)
+        return replace(command, signals=self._signals(e, e_rate))
+
+    def _signals(self, e: FloatArray, e_rate: FloatArray) -> dict[str, FloatArray]:
+        """V, its slope since the last sample, and what the article claims of V'."""
+        v, claimed = lyapunov_function(e, e_rate, self._options)
+        slope, self._v = (v - self._v) / self._period, v
+        names = ("lyapunov_v", "lyapunov_v_rate_1_s", "lyapunov_v_rate_eq36_1_s")
+        return dict(zip(names, (v, slope, claimed), strict=True))
+
+    def _law(self, k: int, state: RobotState) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """(e1, e3), (e2, e4) and (v1, v2) of Eq. 32, (nsim, 2) each."""
         e = state.q[:, :2] - self._position[k]
         e_rate = state.q_rate[:, :2] - self._velocity[k]
-        acceleration = law(e, e_rate, self._mean_acceleration[k], self._options)
-        command = self._wheels.command(acceleration, state)
-        return replace(command, signals=self._signals.of(e, e_rate))
+        return e, e_rate, law(e, e_rate, self._mean_acceleration[k], self._options)
+
+
+class LyapunovOptions(ControllerOptions):
+    """The article's law (32) for the tractor alone, gains of Table II."""
+
+    law = Lyapunov
+    kind: Literal["lyapunov"] = "lyapunov"
+    alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")
+    alpha2: float = Field(default=10.0, gt=0, le=1e6, description="α2, on e2 = ẋ − ẋ_d")
+    alpha3: float = Field(default=25.0, gt=0, le=1e6, description="α3, on e3 = y − y_d")
+    alpha4: float = Field(default=10.0, gt=0, le=1e6, description="α4, on e4 = ẏ − ẏ_d")
+    singular_terms: Literal["omitted", "regularized", "published"] = Field(
+        default="omitted",
+        description="what becomes of e1²/e2 and e3²/e4, which Theorem 1 overlooks",
+    )
+    regularization_m_s: float = Field(
+        default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
+    )

@@ -8,18 +8,8 @@ which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq.
 
     k·θ̈2 = A − D·γ,   A = −v1·sin θ2 + v2·cos θ2,   D = α4·e4·sin θ2 + α2·e2·cos θ2
 
-so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open is an option of the scenario:
-
-- `correction`: the w wanted. "pid" (default) is Eq. 62 about θ2d with the gains of Table II;
-  "spring_damper" is Eq. 60, A/k plus a spring and a damper as Eq. 41 prints them.
-- `gamma`: what stands for 1/D. "constant" (default) is ρ of Eq. 69-71; "exact" is Eq. 48, where
-  D = 0 counts as γ = 0; "regularized" is D/(D² + ε²).
-- `gamma_limit`: |γ| is cut to it; none by default, as printed.
-- `anti_windup`: "none" (default, as printed) integrates always; "conditional" holds the integral
-  while γ is cut or a wheel saturates.
-- `theta2_reference`: "reference" (default) takes θ2d from the scenario's reference; "tractor"
-  takes θ1, its rate, and no acceleration.
-- `singular_terms`: as in `controllers.lyapunov`; "omitted" by default, unlike the print.
+so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open (w, 1/D, limits, θ2d) is an option;
+the defaults are what it prints, but for `singular_terms` (`controllers.lyapunov`).
 
 Two facts to know before use. The correction turns (e2, e4) at the rate α·γ, for α2 = α4 = α, and
 is nothing where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact
@@ -29,75 +19,18 @@ the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errat
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, Task, undefined_theta2
-from ttwmr_mj.controllers.lyapunov import LyapunovOptions, LyapunovSignals, gains, law
-from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
+from ttwmr_mj.controllers.base import Command, Task, undefined_theta2
+from ttwmr_mj.controllers.lyapunov import Lyapunov, LyapunovOptions, gains
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, wrap
-
-
-class LyapunovPidOptions(LyapunovOptions):
-    """The article's Lyapunov-PID: law (32) and a correction for θ2.
-
-    Laws (47) and (70) with the gains of Table II.
-
-    The defaults are what the article prints, but for `singular_terms`.
-    """
-
-    kind: Literal["lyapunov_pid"] = "lyapunov_pid"  # type: ignore[assignment]  # the tag of another law
-    correction: Literal["pid", "spring_damper"] = Field(
-        default="pid", description="what γ aims at: PID about θ2d (Eq. 61), or Eq. 60"
-    )
-    gamma: Literal["exact", "constant", "regularized"] = Field(
-        default="constant", description="1/D as in Eq. 48, constant ρ (Eq. 71), or D/(D² + ε²)"
-    )
-    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
-    gamma_regularization_m_s2: float = Field(
-        default=0.1, gt=0, le=1e3, description="ε of D/(D² + ε²), when regularized"
-    )
-    gamma_limit: float | None = Field(
-        default=None, gt=0, le=1e12, description="|γ| is cut to this; left out: never"
-    )
-    k_p: float = Field(default=48.0, ge=0, le=1e6, description="Table II [1/s²]")
-    k_i: float = Field(default=64.0, ge=0, le=1e6, description="Table II [1/s³]")
-    k_d: float = Field(default=12.0, ge=0, le=1e6, description="Table II [1/s]")
-    k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
-    c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
-    theta2_reference: Literal["reference", "tractor"] = Field(
-        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1"
-    )
-    anti_windup: Literal["none", "conditional"] = Field(
-        default="none",
-        description="conditional: the integral holds while γ is cut or a wheel saturates",
-    )
-
-    def make(self, folder: Path) -> Controller:
-        """The law."""
-        del folder
-        return LyapunovPid(self)
-
-    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
-        """A PID about θ2d needs a θ2d somewhere."""
-        if self.correction != "pid" or self.theta2_reference != "reference":
-            return []
-        if not np.isnan(path.theta2_rad).all():
-            return []
-        return [
-            undefined_theta2(
-                reference,
-                "everywhere; controller.theta2_reference = 'reference' needs it",
-                "give 'aligned' or 'outward' here, or 'tractor' there",
-            )
-        ]
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, wrap
 
 
 def denominator(
@@ -139,7 +72,7 @@ def spring_push(
 def gamma(
     excess: FloatArray, d: FloatArray, options: LyapunovPidOptions
 ) -> tuple[FloatArray, BoolArray]:
-    """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut.
+    """γ for an excess A − k·w (Eq. 48, 61, 71), and where it was cut; exact D = 0 counts as γ = 0.
 
     Args:
         excess: (...) what the correction shall take from k·θ̈2 [m/s²].
@@ -168,58 +101,49 @@ def corrected(
     return np.asarray(v + gamma_[..., None] * turned)
 
 
-class LyapunovPid(Controller):
+class LyapunovPid(Lyapunov):
     """Laws (47) and (70) and the map of Eq. 27-28 to wheel speeds.
 
-    v_d is the reference's mean acceleration over the coming period, as in `Lyapunov`. The integral
-    of e5 is advanced by the rectangle rule. e5 is taken on the circle, in [−π, π); where the
-    reference defines no θ2d the correction pauses.
+    The integral of e5 is advanced by the rectangle rule. e5 is taken on the circle, in [−π, π);
+    where the reference defines no θ2d the correction pauses.
     """
 
-    def __init__(self, options: LyapunovPidOptions) -> None:
-        self._options = options
+    _options: LyapunovPidOptions
 
     def start(self, task: Task) -> None:
         """Take the reference."""
-        reference = task.path
-        self._reference = reference
-        self._period = task.sampling_time_s
-        self._swing_length_m = task.robot.swing_length_m
-        self._mean_acceleration = np.diff(reference.velocity_m_s, axis=0) / task.sampling_time_s
-        self._wheels = AccelerationToWheels(task.robot, task.sampling_time_s, task.nsim)
-        self._signals = LyapunovSignals(self._options, task.sampling_time_s)
+        super().start(task)
+        self._length = task.robot.swing_length_m
         self._integral: FloatArray = np.zeros(task.nsim)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law on the estimated state."""
-        options, state, reference = self._options, estimate.state, self._reference
-        e = state.q[:, :2] - reference.position_m[k]
-        e_rate = state.q_rate[:, :2] - reference.velocity_m_s[k]
-        v = law(e, e_rate, self._mean_acceleration[k], options)
+        options, state = self._options, estimate.state
+        e, e_rate, v = self._law(k, state)
         theta2 = state.q[:, THETA2]
         if options.correction == "pid":
-            error, error_rate, feedforward = self._theta2_error(k, estimate)
+            error, error_rate, feedforward = self._theta2_error(k, state)
             wanted = pid_acceleration(error, error_rate, self._integral, feedforward, options)
-            excess = sideways(v, theta2) - self._swing_length_m * wanted
+            excess = sideways(v, theta2) - self._length * wanted
         else:
             error = np.zeros_like(theta2)
             hitch_rate = state.q_rate[:, THETA2] - state.q_rate[:, THETA1]
             excess = -spring_push(state.hitch_angle_rad, hitch_rate, options)
         undefined = np.isnan(excess)
         excess = np.where(undefined, 0.0, excess)
-        turn, cut = gamma(excess, denominator(e_rate, theta2, options), options)
-        command = self._wheels.command(corrected(v, e_rate, turn, options), state)
+        gamma_, cut = gamma(excess, denominator(e_rate, theta2, options), options)
+        command = self._wheels.command(corrected(v, e_rate, gamma_, options), state)
         hold = undefined
         if options.anti_windup == "conditional":
             hold = hold | cut | command.saturated
         self._integral = self._integral + np.where(hold, 0.0, self._period * error)
-        return replace(command, signals=self._signals.of(e, e_rate))
+        return replace(command, signals=self._signals(e, e_rate))
 
     def _theta2_error(
-        self, k: int, estimate: Estimate
+        self, k: int, state: RobotState
     ) -> tuple[FloatArray, FloatArray, FloatArray | float]:
         """e5 (Eq. 63) on the circle, its rate, and θ̈2d, (nsim,) each; NaN where undefined."""
-        state, reference = estimate.state, self._reference
+        reference = self._reference
         angle, rate = state.q[:, THETA2], state.q_rate[:, THETA2]
         if self._options.theta2_reference == "tractor":
             return wrap(angle - state.q[:, THETA1]), rate - state.q_rate[:, THETA1], 0.0
@@ -228,3 +152,54 @@ class LyapunovPid(Controller):
             rate - reference.theta_rate[k, :, 1],
             reference.theta_acceleration[k, :, 1],
         )
+
+
+class LyapunovPidOptions(LyapunovOptions):
+    """The article's Lyapunov-PID: law (32) and a correction for θ2.
+
+    Laws (47) and (70) with the gains of Table II.
+    """
+
+    law = LyapunovPid
+    kind: Literal["lyapunov_pid"] = "lyapunov_pid"  # type: ignore[assignment]  # the tag of another law
+    correction: Literal["pid", "spring_damper"] = Field(
+        default="pid",
+        description="the w wanted: PID about θ2d (Eq. 62), or Eq. 60, a spring and a damper",
+    )
+    gamma: Literal["exact", "constant", "regularized"] = Field(
+        default="constant",
+        description="what stands for 1/D: Eq. 48, constant ρ (Eq. 69-71), or D/(D² + ε²)",
+    )
+    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
+    gamma_regularization_m_s2: float = Field(
+        default=0.1, gt=0, le=1e3, description="ε of D/(D² + ε²), when regularized"
+    )
+    gamma_limit: float | None = Field(
+        default=None, gt=0, le=1e12, description="|γ| is cut to this; left out: never"
+    )
+    k_p: float = Field(default=48.0, ge=0, le=1e6, description="Table II [1/s²]")
+    k_i: float = Field(default=64.0, ge=0, le=1e6, description="Table II [1/s³]")
+    k_d: float = Field(default=12.0, ge=0, le=1e6, description="Table II [1/s]")
+    k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
+    c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
+    theta2_reference: Literal["reference", "tractor"] = Field(
+        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1 and its rate"
+    )
+    anti_windup: Literal["none", "conditional"] = Field(
+        default="none",
+        description="conditional: the integral holds while γ is cut or a wheel saturates",
+    )
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """A PID about θ2d needs a θ2d somewhere."""
+        if self.correction != "pid" or self.theta2_reference != "reference":
+            return []
+        if not np.isnan(path.theta2_rad).all():
+            return []
+        return [
+            undefined_theta2(
+                reference,
+                "everywhere; controller.theta2_reference = 'reference' needs it",
+                "give 'aligned' or 'outward' here, or 'tractor' there",
+            )
+        ]

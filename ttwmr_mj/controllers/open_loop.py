@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
+from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.robot import Config
 from ttwmr_mj.sensing import Estimate
 
@@ -16,32 +15,18 @@ from ttwmr_mj.sensing import Estimate
 class WheelSegment(Config):
     """Constant wheel speeds for a while."""
 
-    duration_s: float = Field(gt=0, le=3600)
-    wheel_right_rad_s: float = Field(ge=-1e3, le=1e3)
-    wheel_left_rad_s: float = Field(ge=-1e3, le=1e3)
+    duration_s: float = Field(gt=0, le=3600, description="typically 1 to 10")
+    wheel_right_rad_s: float = Field(
+        ge=-1e3, le=1e3, description="positive: forward; a lab servo reaches 6.5, a fast one 40"
+    )
+    wheel_left_rad_s: float = Field(ge=-1e3, le=1e3, description="as wheel_right_rad_s")
 
 
-class OpenLoopOptions(ControllerOptions):
-    """Segments of constant wheel speed, then standstill."""
-
-    kind: Literal["open_loop"] = "open_loop"
-    needs_reference: ClassVar[bool] = False
-    segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)]
-
-    def make(self, folder: Path) -> Controller:
-        """The law."""
-        del folder
-        return OpenLoop(self)
-
-
-class OpenLoop(Controller):
+class OpenLoop(Law["OpenLoopOptions"]):
     """Segments of constant wheel speed, one after the other, then standstill.
 
     A segment is in force at every sample that falls into it; its ends are not moved to samples.
     """
-
-    def __init__(self, options: OpenLoopOptions) -> None:
-        self._options = options
 
     def start(self, task: Task) -> None:
         """Lay the segments out in time and flag what the servo will cut."""
@@ -61,3 +46,14 @@ class OpenLoop(Controller):
         wheels = np.tile(self._speeds[i], (self._nsim, 1))
         never = np.zeros(self._nsim, dtype=np.bool_)
         return Command(wheels, saturated=never | self._saturated[i], near_singular=never)
+
+
+class OpenLoopOptions(ControllerOptions):
+    """Segments of constant wheel speed, then standstill."""
+
+    law = OpenLoop
+    kind: Literal["open_loop"] = "open_loop"
+    needs_reference: ClassVar[bool] = False
+    segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)] = Field(
+        description="one after the other"
+    )

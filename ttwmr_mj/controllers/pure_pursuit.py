@@ -13,42 +13,21 @@ and no stability is claimed.
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Literal
 
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Controller, ControllerOptions, Task
-from ttwmr_mj.dynamics.kinematics import wheels_from_twist
+from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
+from ttwmr_mj.dynamics.kinematics import to_body, wheels_from_twist
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1
 
 NEAR_AIM_M = 1e-6  # an aim that close has no direction: straight on
 
 
-class PurePursuitOptions(ControllerOptions):
-    """Drives towards a point ahead on the reference; blind to the trailer."""
-
-    kind: Literal["pure_pursuit"] = "pure_pursuit"
-    preview_s: float = Field(
-        default=0.5, gt=0, le=2, description="how far ahead in time the aim is, typically 0.3 to 1"
-    )
-    gain_1_s: float = Field(
-        default=1.0, ge=0, le=100, description="g: speed per distance along the heading"
-    )
-
-    def make(self, folder: Path) -> Controller:
-        """The law."""
-        del folder
-        return PurePursuit(self)
-
-
-class PurePursuit(Controller):
+class PurePursuit(Law["PurePursuitOptions"]):
     """The law above; wheel speeds are cut to the servo's range, both by the same share."""
-
-    def __init__(self, options: PurePursuitOptions) -> None:
-        self._options = options
 
     def start(self, task: Task) -> None:
         """Take the reference."""
@@ -60,8 +39,8 @@ class PurePursuit(Controller):
         """One sample of the law."""
         q, path = estimate.state.q, self._path
         aim = min(k + self._ahead, len(path.time_s) - 1)
-        a, b = _in_tractor_frame(path.position_m[aim] - q[:, :2], q[:, THETA1])
-        late, _ = _in_tractor_frame(path.position_m[k] - q[:, :2], q[:, THETA1])
+        a, b = to_body(q[:, THETA1], *(path.position_m[aim] - q[:, :2]).T)
+        late, _ = to_body(q[:, THETA1], *(path.position_m[k] - q[:, :2]).T)
         speed = np.hypot(*path.velocity_m_s[aim].T) + self._options.gain_1_s * late
         curvature = 2.0 * b / np.maximum(a**2 + b**2, NEAR_AIM_M**2)
         wish = wheels_from_twist(np.stack([speed, curvature * speed], axis=-1), self._robot)
@@ -73,7 +52,14 @@ class PurePursuit(Controller):
         )
 
 
-def _in_tractor_frame(away: np.ndarray, heading: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """World vectors (nsim, 2) as components ahead and to the left, (nsim,) each."""
-    cos, sin = np.cos(heading), np.sin(heading)
-    return cos * away[:, 0] + sin * away[:, 1], cos * away[:, 1] - sin * away[:, 0]
+class PurePursuitOptions(ControllerOptions):
+    """Drives towards a point ahead on the reference; blind to the trailer."""
+
+    law = PurePursuit
+    kind: Literal["pure_pursuit"] = "pure_pursuit"
+    preview_s: float = Field(
+        default=0.5, gt=0, le=2, description="how far ahead in time the aim is, typically 0.3 to 1"
+    )
+    gain_1_s: float = Field(
+        default=1.0, ge=0, le=100, description="g: speed per distance along the heading"
+    )

@@ -27,10 +27,6 @@ class FlatCircle(FlatReference):
 
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
         """(n, 7, 2) F and its derivatives: an ellipse with equal axes."""
-        ellipse = FlatEllipse(
-            half_axes_m=(self.radius_m, self.radius_m),
-            angular_rate_rad_s=self.angular_rate_rad_s,
-            phase_rad=self.phase_rad,
-            centre_m=self.centre_m,
-        )
-        return ellipse.flat_derivatives(time_s)
+        same = self.model_dump(exclude={"kind", "radius_m"})
+        axes = (self.radius_m, self.radius_m)
+        return FlatEllipse(half_axes_m=axes, **same).flat_derivatives(time_s)

@@ -22,7 +22,7 @@ class FlatEllipse(FlatReference):
 
     kind: Literal["flat_ellipse"] = "flat_ellipse"
     half_axes_m: Annotated[tuple[Length, Length], Field(strict=False)] = Field(
-        description="A and B, of F"
+        description="A and B, of F; typically 0.4 to 0.6"
     )
     angular_rate_rad_s: Rate
     phase_rad: Angle = Field(default=0.0, description="φ at the start")

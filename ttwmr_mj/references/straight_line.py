@@ -23,7 +23,7 @@ class StraightLine(PathReference):
 
     kind: Literal["straight_line"] = "straight_line"
     speed_m_s: float = Field(gt=0, le=100, description="along the line, typically 0.1 to 0.5")
-    start_m: Point = (0.0, 0.0)
+    start_m: Point = Field(default=(0.0, 0.0), description="(x, y) where the line begins")
     heading_rad: Angle = Field(default=0.0, description="direction of travel")
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:

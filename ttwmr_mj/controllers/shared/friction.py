@@ -10,7 +10,7 @@ References, and mpc's predictions, are made on a model with this smooth friction
 are those of a robot with friction. Gains that are computed once are those of a free hitch: about
 a hitch that does not turn, smooth friction is a strong damper, and gains that count on a damper
 that a sliding hitch lacks are unstable. There, what friction does beyond what it does along the
-reference is fed forward as an extra θ̈2 (`swing`).
+reference is fed forward as an extra θ̈2 (`acceleration`).
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.shared.observer import Seen, wheels_turn
+from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
 from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -30,10 +30,13 @@ class FrictionOptions(Config):
     """What a controller makes up for of the hitch's dry friction."""
 
     dry: Literal["ignored", "model"] = Field(
-        default="model", description="ignored, or compensated with the robot's own figure"
+        default="model", description="ignored, or made up for with the figure of robot.hitch"
     )
     smoothing_rad_s: float = Field(
-        default=0.05, gt=0, le=10, description="hitch rate at which friction counts as full"
+        default=0.05,
+        gt=0,
+        le=10,
+        description="ε, the hitch rate from which on friction counts as nearly full",
     )
 
 
@@ -60,15 +63,17 @@ class HitchFriction:
         hitch = self.believed.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
         return SampledModel(self.believed.model_copy(update={"hitch": hitch}), period_s)
 
-    def swing(self, seen: Seen) -> FloatArray:
+    def rate(self, now: Observed) -> FloatArray:
+        """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
+        return now.body[:, 4] - rolling_turn_rate(now.wheels, self.believed) - now.slip[:, 2]
+
+    def acceleration(self, now: Observed) -> FloatArray:
         """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
-        return self._swing(
-            seen.body[:, 4] - wheels_turn(seen.wheels, self.believed) - seen.slip[:, 2]
-        )
+        return self._acceleration(self.rate(now))
 
-    def swing_along(self, state: FloatArray) -> FloatArray:
+    def acceleration_along(self, state: FloatArray) -> FloatArray:
         """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
-        return self._swing(state[..., 4] - wheels_turn(state[..., 5:], self.believed))
+        return self._acceleration(state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed))
 
-    def _swing(self, slide: FloatArray) -> FloatArray:
-        return np.asarray(-self._size * slide / np.hypot(slide, self._scale_rad_s))
+    def _acceleration(self, rate: FloatArray) -> FloatArray:
+        return np.asarray(-self._size * rate / np.hypot(rate, self._scale_rad_s))

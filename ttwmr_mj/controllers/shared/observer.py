@@ -2,11 +2,12 @@
 
 The sampled hybrid model predicts, the measurement corrects what was predicted *for its own time*,
 and the commands issued since are replayed. Beside the robot's state the observer learns what the
-model leaves out, taken as slowly varying: the tyres' creep (of P ahead and to the left, and of the
-heading) and an extra θ̈2 (hitch friction unlike the model's, a trailer unlike Table I).
+model leaves out, taken as slowly varying: slip, to which the tyres' creep adds up (of P ahead and
+to the left, and of the heading), and an unexplained θ̈2 (hitch friction unlike the model's, a
+trailer unlike Table I).
 
-Gains are those of a steady Kalman filter, and scalar chains suffice for it: position and creep,
-heading and its creep, and (θ2, θ̇2, extra θ̈2). Coupling between the chains, the swing under P's
+Gains are those of a steady Kalman filter, and scalar chains suffice for it: x, y and θ1 with their
+slip, and (θ2, θ̇2, unexplained θ̈2). Coupling between the chains, the trailer's swing under P's
 acceleration, is in the prediction, which is common to all. The error of each chain converges as
 the eigenvalues of A − L·C·A say (all inside the unit circle, by the Riccati equation's theorem, as
 each chain is observable and driven by noise), while the model is right between samples.
@@ -15,23 +16,30 @@ each chain is observable and driven by noise), while the model is right between 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
-from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinematics import (
+    to_body,
+    twist_from_wheels,
+    wheels_from_twist,
+    workspace_rate,
+)
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import THETA1, THETA2, FloatArray, RobotState, wrap
+from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, wrap
 
-MAX_DELAY = 32  # periods; a measurement older than that is ignored
-MODEL_POSITION_STD_M = 2e-5  # prediction error of one period, beside creep
+MAX_DELAY = 32  # periods, about a second at 33 ms; an older measurement is ignored
+# Prediction error of one period. The analytic plant, commands changing by up to 3 rad/s, differs by
+# 1 µm, 0.03 mrad and 1e-4 rad/s; what is added keeps the gains from falling asleep.
+MODEL_POSITION_STD_M = 2e-5
 MODEL_ANGLE_STD_RAD = 1e-4
 MODEL_RATE_STD_RAD_S = 3e-3
-JOLT = 1.5  # standard deviations: what surprises more is a push, which does not last
+PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not last; 13 % of noise
 
 
 class ObserverOptions(Config):
@@ -41,36 +49,34 @@ class ObserverOptions(Config):
     are those of an overhead camera; they cost little where the measurement is better than that.
     """
 
-    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="of a measured x or y")
-    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="of a measured angle")
-    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="of ẋ, ẏ")
-    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="of θ̇1, θ̇2")
+    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="noise of x and y")
+    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="noise of θ1 and θ2")
+    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="noise of ẋ and ẏ")
+    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="noise of θ̇1 and θ̇2")
     creep_walk_m_s: float = Field(
-        default=2e-3, gt=0, le=10, description="how fast the tyres' creep may change, per √s"
+        default=2e-3, gt=0, le=10, description="how fast the tyres' slip may change, per √s"
     )
     turn_creep_walk_rad_s: float = Field(
-        default=5e-3, gt=0, le=10, description="the same for the heading, per √s"
+        default=5e-3, gt=0, le=10, description="the same for the heading's slip, per √s"
     )
     swing_walk_rad_s2: float = Field(
-        default=0.05, gt=0, le=100, description="how fast an unknown θ̈2 may change, per √s"
+        default=0.05, gt=0, le=100, description="how fast an unexplained θ̈2 may change, per √s"
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
-    """What the observer believes at a sample.
+class Observed(NamedTuple):
+    """What the observer believes at a sample."""
 
-    Attributes:
-        body: (nsim, 5) x, y, θ1, θ2, θ̇2.
-        wheels: (nsim, 2) the servos' setpoints (right, left) [rad/s].
-        slip: (nsim, 3) creep ahead and to the left [m/s] and of the heading [rad/s].
-        swing: (nsim,) θ̈2 that the model does not explain [rad/s²].
-    """
+    body: FloatArray  # (nsim, 5) x, y, θ1, θ2, θ̇2
+    wheels: FloatArray  # (nsim, 2) the servos' setpoints (right, left) [rad/s]
+    slip: FloatArray  # (nsim, 3) of P ahead and to the left [m/s], of the heading [rad/s]
+    unexplained: FloatArray  # (nsim,) θ̈2 that the model does not explain [rad/s²]
 
-    body: FloatArray
-    wheels: FloatArray
-    slip: FloatArray
-    swing: FloatArray
+    def where(self, who: BoolArray, other: Observed) -> Observed:
+        """This for some of the simulations (nsim,), the other for the rest."""
+        if who.all():
+            return self
+        return Observed(*(np.where(who, a.T, b.T).T for a, b in zip(self, other, strict=True)))
 
 
 class Observer:
@@ -78,101 +84,99 @@ class Observer:
 
     def __init__(self, robot: RobotParameters, model: SampledModel, options: ObserverOptions):
         self._robot, self._model = robot, model
-        T = model.period_s
-        creep = np.array([[1.0, T], [0.0, 1.0]])
-        swing = np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
-        position, angle = options.position_std_m, options.angle_std_rad
-        velocity, rate = options.velocity_std_m_s, options.rate_std_rad_s
-        root = np.sqrt(T)
-        self._jolt_rad_s, self._jolt_rad = JOLT * rate, JOLT * (angle + T * rate)
-        self._position_gain = kalman_gain(
-            creep, (MODEL_POSITION_STD_M, options.creep_walk_m_s * root), (position, velocity)
-        )
-        self._heading_gain = kalman_gain(
-            creep, (MODEL_ANGLE_STD_RAD, options.turn_creep_walk_rad_s * root), (angle, rate)
-        )
-        self._swing_gain = kalman_gain(
-            swing,
-            (MODEL_ANGLE_STD_RAD, MODEL_RATE_STD_RAD_S, options.swing_walk_rad_s2 * root),
-            (angle, rate),
-        )
-        self._past: deque[Seen] = deque(maxlen=MAX_DELAY + 1)
+        self._gain = chain_gains(options, model.period_s)
+        rate, angle = options.rate_std_rad_s, options.angle_std_rad
+        self._push_rad, self._push_rad_s = PUSH * (angle + model.period_s * rate), PUSH * rate
+        self._past: deque[Observed] = deque(maxlen=MAX_DELAY + 1)
         self._commands: deque[FloatArray] = deque(maxlen=MAX_DELAY)
 
-    def update(self, estimate: Estimate) -> Seen:
+    def update(self, estimate: Estimate) -> Observed:
         """The state now, after this sample's estimate."""
-        if not self._past:
-            self._past.append(self._first(estimate.state))
+        past = self._past
+        if not past:
+            past.append(self._first(estimate.state))
         delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64)
-        usable = estimate.valid & (delay < len(self._past))
+        usable = estimate.valid & (delay < len(past))
         if usable.any():
-            oldest = int(delay[usable].max())
-            for back in range(oldest, -1, -1):
+            for back in range(int(delay[usable].max()), -1, -1):
                 due = usable & (delay == back)
                 if due.any():
-                    self._past[-1 - back] = self._corrected(
-                        self._past[-1 - back], estimate.state, due
-                    )
-                if back:
-                    self._past[-back] = self._predicted(
-                        self._past[-1 - back], self._commands[-back]
-                    )
-        return self._past[-1]
+                    past[-1 - back] = self._corrected(past[-1 - back], estimate.state, due)
+                if back:  # not for who was corrected since: that would be lost
+                    replayed = self._predicted(past[-1 - back], self._commands[-back])
+                    past[-back] = replayed.where(usable & (delay >= back), past[-back])
+        return past[-1]
 
-    def commanded(self, wheels: FloatArray) -> Seen:
+    def commanded(self, wheels: FloatArray) -> Observed:
         """Take note of the command for the coming period; returns the state expected after it."""
         self._past.append(self._predicted(self._past[-1], wheels))
         self._commands.append(wheels)
         return self._past[-1]
 
-    def _first(self, state: RobotState) -> Seen:
+    def _first(self, state: RobotState) -> Observed:
         twist = workspace_rate(state.q, state.q_rate)[..., :2]
-        return Seen(
+        return Observed(
             body=np.concatenate([state.q, state.q_rate[:, THETA2:]], axis=1),
             wheels=wheels_from_twist(twist, self._robot),
             slip=np.zeros((state.nsim, 3)),
-            swing=np.zeros(state.nsim),
+            unexplained=np.zeros(state.nsim),
         )
 
-    def _predicted(self, seen: Seen, command: FloatArray) -> Seen:
+    def _predicted(self, now: Observed, command: FloatArray) -> Observed:
+        slip, unexplained = now.slip, now.unexplained
         body, wheels = self._model.advance(
-            seen.body, seen.wheels, command, slip=seen.slip, swing=seen.swing
+            now.body, now.wheels, command, slip=slip, swing=unexplained
         )
-        return Seen(body, wheels, seen.slip, seen.swing)
+        return Observed(body, wheels, slip, unexplained)
 
-    def _corrected(self, seen: Seen, measured: RobotState, due: np.ndarray) -> Seen:
+    def _corrected(self, now: Observed, measured: RobotState, due: BoolArray) -> Observed:
         """Correct the simulations that are due."""
-        body, slip, swing = seen.body.copy(), seen.slip.copy(), seen.swing.copy()
-        velocity = self._model.velocity(body, seen.wheels, slip)
-        turn = wheels_turn(seen.wheels, self._robot) + slip[:, 2]
-        place = (measured.q[:, :2] - body[:, :2]) * due[:, None]
-        moving = (measured.q_rate[:, :2] - velocity) * due[:, None]
-        heading = wrap(measured.q[:, THETA1] - body[:, 2]) * due
-        turning = (measured.q_rate[:, THETA1] - turn) * due
-        trailer = wrap(measured.q[:, THETA2] - body[:, 3]) * due
-        swinging = (measured.q_rate[:, THETA2] - body[:, 4]) * due
-        gain = self._position_gain
-        cos, sin = np.cos(body[:, 2]), np.sin(body[:, 2])
-        creep = gain[1, 0] * place + gain[1, 1] * moving
-        body[:, :2] += gain[0, 0] * place + gain[0, 1] * moving
-        slip[:, 0] += cos * creep[:, 0] + sin * creep[:, 1]
-        slip[:, 1] += cos * creep[:, 1] - sin * creep[:, 0]
-        gain = self._heading_gain
-        body[:, 2] += gain[0, 0] * heading + gain[0, 1] * turning
-        slip[:, 2] += gain[1, 0] * heading + gain[1, 1] * turning
-        gain = self._swing_gain
-        body[:, 3] += gain[0, 0] * trailer + gain[0, 1] * swinging
-        body[:, 4] += gain[1, 0] * trailer + gain[1, 1] * swinging
-        # cut, not left out: an unknown θ̈2 that is wrong must be able to come back
-        trailer = np.clip(trailer, -self._jolt_rad, self._jolt_rad)
-        swinging = np.clip(swinging, -self._jolt_rad_s, self._jolt_rad_s)
-        swing += gain[2, 0] * trailer + gain[2, 1] * swinging
-        return Seen(body, seen.wheels, slip, swing)
+        body, slip = now.body.copy(), now.slip.copy()
+        q_rate = np.empty_like(measured.q_rate)
+        q_rate[:, :2] = self._model.velocity(body, now.wheels, slip)
+        q_rate[:, THETA1] = rolling_turn_rate(now.wheels, self._robot) + slip[:, 2]
+        q_rate[:, THETA2] = body[:, 4]
+        # innovations, (nsim, 4) like q and its rate
+        miss, drift = measured.q - body[:, :4], measured.q_rate - q_rate
+        miss[:, THETA1:] = wrap(miss[:, THETA1:])
+        miss, drift = miss * due[:, None], drift * due[:, None]
+        value, slope, change = self._gain
+        body[:, :4] += value[0] * miss + value[1] * drift
+        slopes = slope[0] * miss + slope[1] * drift
+        ahead, left = to_body(now.body[:, THETA1], slopes[:, 0], slopes[:, 1])
+        slip += np.stack([ahead, left, slopes[:, THETA1]], axis=1)
+        body[:, 4] += slopes[:, THETA2]
+        # cut, not left out: an unexplained θ̈2 that is wrong must be able to come back
+        trailer = np.clip(miss[:, THETA2], -self._push_rad, self._push_rad)
+        swinging = np.clip(drift[:, THETA2], -self._push_rad_s, self._push_rad_s)
+        more = change[0, THETA2] * trailer + change[1, THETA2] * swinging
+        return Observed(body, now.wheels, slip, now.unexplained + more)
 
 
-def wheels_turn(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
+def rolling_turn_rate(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
     """(...) turn rate u2 of rolling wheels (Eq. 9) [rad/s]."""
     return twist_from_wheels(wheels, robot)[..., 1]
+
+
+def chain_gains(options: ObserverOptions, period_s: float) -> FloatArray:
+    """(3, 2, 4) steady gains on the value, its slope and the slope's unexplained change.
+
+    The second axis is the innovation, of value and slope; the third is x, y, θ1, θ2. Slopes of the
+    first three are slip, that of θ2 is θ̇2; only θ̇2 has an unexplained change.
+    """
+    T, root = period_s, np.sqrt(period_s)
+    slow = np.array([[1.0, T], [0.0, 1.0]])
+    swinging = np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    place = (options.position_std_m, options.velocity_std_m_s)
+    angle = (options.angle_std_rad, options.rate_std_rad_s)
+    slip, turn_slip = options.creep_walk_m_s * root, options.turn_creep_walk_rad_s * root
+    unexplained = options.swing_walk_rad_s2 * root
+    gain = np.zeros((3, 2, 4))
+    gain[:2, :, 0] = gain[:2, :, 1] = kalman_gain(slow, (MODEL_POSITION_STD_M, slip), place)
+    gain[:2, :, THETA1] = kalman_gain(slow, (MODEL_ANGLE_STD_RAD, turn_slip), angle)
+    process = (MODEL_ANGLE_STD_RAD, MODEL_RATE_STD_RAD_S, unexplained)
+    gain[:, :, THETA2] = kalman_gain(swinging, process, angle)
+    return gain
 
 
 def kalman_gain(

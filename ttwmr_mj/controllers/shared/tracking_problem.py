@@ -17,6 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -24,7 +25,7 @@ from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
 STATES, INPUTS, RESIDUALS = 7, 2, 6
-DISTURBANCES = SLIP + 1  # creep, and the unexplained θ̈2
+DISTURBANCES = SLIP + 1  # slip, and the unexplained θ̈2
 STEP = 1e-5  # of the central differences: error of order 1e-10
 
 
@@ -47,17 +48,26 @@ class Target(NamedTuple):
     command: FloatArray  # (n − 1, batch, 2), mean wheel speeds of each period
     centre: FloatArray  # (n, batch, 2) F
 
+    def between(self, start: int, end: int) -> Target:
+        """From one sample to another, both included."""
+        state, centre = (values[start : end + 1] for values in (self.state, self.centre))
+        return Target(state, self.command[start:end], centre)
+
 
 class Linear(NamedTuple):
     """The problem to first order along a trajectory; leading axes (n, batch)."""
 
     A: FloatArray  # (..., 7, 7)
     B: FloatArray  # (..., 7, 2)
-    D: FloatArray  # (..., 7, 4) by creep and unexplained θ̈2
+    D: FloatArray  # (..., 7, 4) by slip and unexplained θ̈2
 
 
 class TrackingProblem:
-    """Dynamics, residuals and their derivatives."""
+    """Dynamics, residuals and their derivatives.
+
+    Attributes:
+        residual_by_command: (6, 2) derivative of r by the command, everywhere.
+    """
 
     def __init__(
         self, robot: RobotParameters, model: SampledModel, weights: TrackingWeights
@@ -66,8 +76,8 @@ class TrackingProblem:
         position, angle = 1.0 / weights.position_scale_m, 1.0 / weights.angle_scale_rad
         change = 1.0 / weights.change_scale_rad_s
         self._scale = np.array([position, position, angle, angle, change, change])
-        self._by_command = np.zeros((RESIDUALS, INPUTS))
-        self._by_command[[4, 5], [0, 1]] = change
+        self.residual_by_command = np.zeros((RESIDUALS, INPUTS))
+        self.residual_by_command[[4, 5], [0, 1]] = change
 
     def target(self, reference: ReferencePath) -> Target:
         """The reference's states, and the commands that follow it best without feedback."""
@@ -85,21 +95,21 @@ class TrackingProblem:
 
     def centre(self, state: FloatArray) -> FloatArray:
         """(..., 2) F of states (..., 7)."""
-        theta2 = state[..., 3:4]
-        return state[..., :2] - self._length * np.concatenate(
-            [np.cos(theta2), np.sin(theta2)], axis=-1
-        )
+        return point_behind(state, self._length)
 
     def next_state(
-        self, state: FloatArray, command: FloatArray, disturbance: FloatArray | None = None
+        self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
         """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
-        slip = None if disturbance is None else disturbance[..., :SLIP]
-        swing = 0.0 if disturbance is None else disturbance[..., SLIP]
+        slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
-            state[..., :BODY], state[..., BODY:], command, slip=slip, swing=swing
+            state[..., :BODY], state[..., BODY:], command, slip=slip, swing=unexplained
         )
         return np.concatenate([body, wheels], axis=-1)
+
+    def within_limits(self, state: FloatArray, wish: FloatArray) -> FloatArray:
+        """(..., 2) a wish, cut to what the servos reach from a state (..., 7) in one period."""
+        return self._model.within_limits(state[..., BODY:], wish)
 
     def residual(
         self, state: FloatArray, command: FloatArray, target: Target, k: int | slice
@@ -125,30 +135,19 @@ class TrackingProblem:
         J[..., [4, 5], [5, 6]] = -1.0
         return np.asarray(self._scale[:, None] * J)
 
-    def residual_by_command(self) -> FloatArray:
-        """(6, 2) derivative of r by the command."""
-        return self._by_command
-
-    def linearise(
-        self, state: FloatArray, command: FloatArray, disturbance: FloatArray | None = None
-    ) -> Linear:
+    def linearise(self, state: FloatArray, command: FloatArray, disturbance: FloatArray) -> Linear:
         """Derivatives of the next state, by central differences, all samples at once.
 
         Args:
             state: (..., 7).
             command: (..., 2).
-            disturbance: (..., 4) or none.
+            disturbance: (..., 4), or what broadcasts to it.
         """
-        if disturbance is None:
-            disturbance = np.zeros((*state.shape[:-1], DISTURBANCES))
+        disturbance = np.broadcast_to(disturbance, (*state.shape[:-1], DISTURBANCES))
         given = np.concatenate([state, command, disturbance], axis=-1)
         width = given.shape[-1]
         moved = given[..., None, :] + STEP * np.concatenate([np.eye(width), -np.eye(width)])
-        after = self.next_state(
-            moved[..., :STATES],
-            moved[..., STATES : STATES + INPUTS],
-            moved[..., STATES + INPUTS :],
-        )
+        after = self.next_state(*np.split(moved, [STATES, STATES + INPUTS], axis=-1))
         slope = (after[..., :width, :] - after[..., width:, :]) / (2.0 * STEP)
         slope = np.swapaxes(slope, -1, -2)
         return Linear(*np.split(slope, [STATES, STATES + INPUTS], axis=-1))

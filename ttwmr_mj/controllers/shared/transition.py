@@ -22,6 +22,7 @@ from __future__ import annotations
 from math import comb, factorial
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polymul
 
 from ttwmr_mj.dynamics.flatness import (
     motion_from_flat,
@@ -52,7 +53,7 @@ class WaysBack:
         flat: FloatArray,
         least: FloatArray,
         sign: float,
-        turn_rad_s: float,
+        turn_rate_rad_s: float,
         robot: RobotParameters,
         period_s: float,
         nsim: int,
@@ -63,20 +64,21 @@ class WaysBack:
             flat: (n, 1, 5, 2) F and its derivatives.
             least: (n, 1) size that a must keep [m/s²].
             sign: of a.
-            turn_rad_s: mean turn rate of the reference's trailer, a size.
+            turn_rate_rad_s: mean size of the reference's θ̇2.
             robot: geometry and servo.
             period_s: T.
             nsim: simulations.
         """
         self._flat, self._least, self._sign = flat, least, sign
-        self._turn, self._robot, self._period = turn_rad_s, robot, period_s
-        steps = np.unique(np.rint(DURATIONS_RAD / (turn_rad_s * period_s)))
+        self._turn_rate, self._robot, self._period = turn_rate_rad_s, robot, period_s
+        steps = np.unique(np.rint(DURATIONS_RAD / (turn_rate_rad_s * period_s)))
         grid = np.meshgrid(steps, SIZES, RATES, indexing="ij")
         self._steps, self._size, self._rate = (values.ravel() for values in grid)
+        # the way of each simulation: e at its start, when that was, D; all begin at its end
         self._error = np.zeros((nsim, 4, 2))
         self._began = np.full(nsim, -PATIENCE)
         self._duration = np.ones(nsim)
-        self._trouble = np.zeros(nsim)
+        self._troubled = np.zeros(nsim)  # samples in a row
 
     def reference(self, k: int) -> FloatArray:
         """(nsim, 5, 2) F and its derivatives to follow at sample k."""
@@ -85,8 +87,8 @@ class WaysBack:
 
     def wanted(self, k: int, trouble: BoolArray) -> BoolArray:
         """(nsim,) who needs another way; to be asked at every sample, with whose law is cut."""
-        self._trouble = (self._trouble + 1.0) * trouble
-        return np.asarray((self._trouble >= PATIENCE) & (k - self._began > PATIENCE))
+        self._troubled = (self._troubled + 1.0) * trouble
+        return np.asarray((self._troubled >= PATIENCE) & (k - self._began > PATIENCE))
 
     def choose(
         self, k: int, who: BoolArray, body: FloatArray, velocity: FloatArray, wheels: FloatArray
@@ -106,23 +108,30 @@ class WaysBack:
         usable = self._steps < len(self._flat) - k
         if not usable.any():
             return None
-        steps, rate, now = self._steps[usable], body[:, 4], self._flat[k, 0]
+        steps, now = self._steps[usable], self._flat[k, 0]
+        radius = np.hypot(*now[2]) / self._turn_rate**2  # of a circle with this acceleration
         a = self._sign * np.hypot(*now[2]) * self._size[usable]
-        a_rate = a * self._turn * self._rate[usable]
-        t, n = trailer_axes(body[:, 3])
-        length, count = self._robot.swing_length_m, (steps.size, len(body), 2)
-        centre = np.broadcast_to(point_behind(body, length), count)
-        moving = np.broadcast_to(velocity_behind(velocity, body[:, 3], rate, length), count)
-        third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
-        error = np.stack([centre, moving, a[:, None, None] * t, third], axis=2) - now[:4]
+        a_rate = a * self._turn_rate * self._rate[usable]
+        error = self._flat_state(body, velocity, a, a_rate) - now[:4]
         strain, away = self._strain(k, error, steps * self._period, wheels)
-        away = away * self._turn**2 / np.hypot(*now[2])
-        excess = np.maximum(strain - 1.0, 0.0)
-        turn = self._turn * self._period * steps
-        chosen = (turn[:, None] + EXCESS_RAD * excess + AWAY_RAD * away).argmin(axis=0)
+        angle = self._turn_rate * self._period * steps
+        cost = EXCESS_RAD * np.maximum(strain - 1.0, 0.0) + AWAY_RAD * away / radius
+        chosen = (angle[:, None] + cost).argmin(axis=0)
         self._error[who], self._began[who] = error[chosen, np.arange(len(body))], k
         self._duration[who] = steps[chosen] * self._period
         return a[chosen], a_rate[chosen]
+
+    def _flat_state(
+        self, body: FloatArray, velocity: FloatArray, a: FloatArray, a_rate: FloatArray
+    ) -> FloatArray:
+        """(c, m, 4, 2) F and three derivatives of bodies (m, 5), for c choices of a and a'."""
+        length, rate = self._robot.swing_length_m, body[:, 4]
+        t, n = trailer_axes(body[:, 3])
+        F = point_behind(body, length), velocity_behind(velocity, body[:, 3], rate, length)
+        second = a[:, None, None] * t
+        third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
+        known = (np.broadcast_to(values, second.shape) for values in F)
+        return np.stack([*known, second, third], axis=2)
 
     def _strain(
         self, k: int, error: FloatArray, duration_s: FloatArray, wheels: FloatArray
@@ -174,15 +183,10 @@ def _basis() -> list[FloatArray]:
     """Coefficients (4, 8) of h_j in powers of s, and of their derivatives by s."""
     h = np.zeros((4, 8))
     for j in range(4):
-        tail = np.array([comb(3 + i, i) for i in range(4 - j)], dtype=np.float64)
-        rise = np.polynomial.polynomial.polymul([1.0, -4.0, 6.0, -4.0, 1.0], tail)
-        h[j, j : j + rise.size] = rise / factorial(j)
-    all_orders = [h]
-    for _ in range(ORDERS - 1):
-        slope = np.zeros((4, 8))
-        slope[:, :-1] = all_orders[-1][:, 1:] * np.arange(1, 8)
-        all_orders.append(slope)
-    return all_orders
+        tail = [comb(3 + i, i) for i in range(4 - j)]
+        h[j, j:] = polymul([1.0, -4.0, 6.0, -4.0, 1.0], tail) / factorial(j)
+    slopes = [np.pad(polyder(h, order, axis=1), ((0, 0), (0, order))) for order in range(ORDERS)]
+    return list(np.ascontiguousarray(slopes))  # rounding depends on the layout
 
 
 _BASIS = _basis()

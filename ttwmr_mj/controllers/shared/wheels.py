@@ -18,7 +18,7 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, RobotState
 
 NEAR_STANDSTILL_M_S = 0.01  # |u1| below which u2 = (v·n)/u1 would amplify by over 100 s/m
-MIX = np.array([[1.0, 1.0], [1.0, -1.0]])  # (drive, turn) @ MIX = (right, left)
+MIX = np.array([[1.0, 1.0], [1.0, -1.0]])  # (drive, spin) @ MIX = (right, left)
 CUT_RAD_S = 1e-9  # a wish cut by less than this is rounding, not saturation
 
 
@@ -55,15 +55,15 @@ class AccelerationToWheels:
         # w in the tractor's frame: ahead and to the left
         ahead = self._speed + self._period * (cos * east + sin * north)
         left = self._period * (cos * north - sin * east)
-        turn = np.arctan2(left, ahead)
-        angle = np.abs(turn)
-        # no faster than can be stopped where the turn ends; inactive for small turns
+        delta = np.arctan2(left, ahead)
+        angle = np.abs(delta)
+        # no faster than can be stopped where Δ ends; inactive for small ones
         rate = np.minimum(angle / self._period, np.sqrt(self._braking * angle))
-        # drive by what of w will lie ahead once this period's turn is made: all of it, mostly
+        # drive by what of w will lie ahead at the period's end: all of it, mostly
         forward = np.hypot(ahead, left) * np.maximum(np.cos(angle - rate * self._period), 0.0)
         wish = np.empty_like(self._wheels)
         wish[:, 0] = forward / self._radius
-        wish[:, 1] = np.copysign(rate, turn) * (self._half_track / self._radius)
+        wish[:, 1] = np.copysign(rate, delta) * (self._half_track / self._radius)
         wheels = self._within_limits(wish)
         near_singular = np.minimum(self._speed, ahead) < NEAR_STANDSTILL_M_S
         saturated = np.abs(wheels - wish @ MIX).max(axis=1) > CUT_RAD_S
@@ -72,7 +72,7 @@ class AccelerationToWheels:
         return Command(wheels, saturated=saturated, near_singular=np.asarray(near_singular))
 
     def _within_limits(self, wish: FloatArray) -> FloatArray:
-        """(nsim, 2) wheel speeds for a wish (drive, turn), cut to the servo's range and reach."""
+        """(nsim, 2) wheel speeds for a wish (drive, spin), cut to the servo's range and reach."""
         allowed = np.empty_like(wish)
         allowed[:, 1] = np.minimum(np.maximum(wish[:, 1], -self._limit), self._limit)
         allowed[:, 0] = np.minimum(wish[:, 0], self._limit - np.abs(allowed[:, 1]))

@@ -28,7 +28,7 @@ class FlatReference(Reference):
     side: Literal["outside", "inside"] = Field(
         default="outside", description="where the trailer is, seen from P; inside is unstable"
     )
-    centre_m: Point = (0.0, 0.0)
+    centre_m: Point = Field(default=(0.0, 0.0), description="(x, y) of the curve's centre")
 
     @abstractmethod
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:

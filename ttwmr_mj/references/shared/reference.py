@@ -43,8 +43,8 @@ class Reference(Config, ABC):
         """
 
 
-def kind_of(cls: type[Reference]) -> str | None:
-    """The name of a kind of reference."""
+def kind_of(cls: type[Config]) -> str | None:
+    """The name that `kind` is declared to be; None: the class is no kind of its own."""
     names = get_args(cls.model_fields["kind"].annotation)
     return names[0] if names else None
 

@@ -1,0 +1,162 @@
+"""Gauss-Newton on a tracking problem: the Riccati recursion for a step, rollouts for its length.
+
+The cost beyond the last sample is ½zᵀHz with z = (x − x_ref, disturbance), 11 numbers.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.controllers.shared.riccati import RiccatiSolution, apply, backward
+from ttwmr_mj.controllers.shared.tracking_problem import (
+    DISTURBANCES,
+    INPUTS,
+    RESIDUALS,
+    STATES,
+    Target,
+    TrackingProblem,
+)
+from ttwmr_mj.state import FloatArray
+
+FITTING_PASSES = (
+    30  # the shipped plans and circles need FITTED to stop them; this ends a limit cycle
+)
+FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
+FITTING_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a step; zero keeps what there is
+
+
+class Plan(NamedTuple):
+    """States and commands, one after the other in time, and the policy that made them."""
+
+    state: FloatArray  # (n + 1, batch, 7)
+    command: FloatArray  # (n, batch, 2)
+    cost: FloatArray  # (batch,)
+
+
+def improved(
+    problem: TrackingProblem,
+    state: FloatArray,
+    command: FloatArray,
+    target: Target,
+    beyond: FloatArray,
+    *,
+    start: FloatArray,
+    disturbance: FloatArray,
+    lengths: FloatArray,
+    cut: bool = False,
+) -> Plan:
+    """One Gauss-Newton step from a plan; of a few lengths of the step the one that costs least.
+
+    Args:
+        problem: model and stage cost.
+        state: (n + 1, batch, 7) of the plan.
+        command: (n, batch, 2) of the plan.
+        target: n + 1 samples.
+        beyond: (1 or batch, 11, 11) H.
+        start: (batch, 7) where the robot is, near the plan's first state.
+        disturbance: (batch, 4) which lasts.
+        lengths: (m,) of the step.
+        cut: commands are cut to the servos' limits.
+    """
+    n, batch = command.shape[:2]
+    linear = problem.linearise(state[:-1], command, disturbance)
+    hessian = np.broadcast_to(beyond[:, :STATES], (batch, STATES, STATES + DISTURBANCES))
+    end = np.concatenate([state[-1] - target.state[-1], disturbance], axis=1)
+    policy = backward(
+        linear.A,
+        linear.B,
+        problem.residual_by_state(state[:-1]),
+        problem.residual_by_command,
+        problem.residual(state[:-1], command, target, slice(n)),
+        hessian[:, :, :STATES],
+        apply(hessian, end),
+    )
+    lasting = np.broadcast_to(disturbance, (lengths.size, *disturbance.shape))
+    states, commands = _rollouts(problem, state, command, policy, start, lasting, lengths, cut)
+    aims = Target(*(values[:, None] for values in target))
+    residual = problem.residual(states[:-1], commands, aims, slice(n))
+    end = np.concatenate([states[-1] - target.state[-1], lasting], axis=-1)
+    costs = 0.5 * (residual**2).sum(axis=(0, -1)) + 0.5 * (end * apply(beyond, end)).sum(axis=-1)
+    best, each = np.argmin(costs, axis=0), np.arange(batch)
+    return Plan(states[:, best, each], commands[:, best, each], costs[best, each])
+
+
+def _rollouts(
+    problem: TrackingProblem,
+    state: FloatArray,
+    command: FloatArray,
+    policy: RiccatiSolution,
+    start: FloatArray,
+    disturbance: FloatArray,
+    lengths: FloatArray,
+    cut: bool,
+) -> tuple[FloatArray, FloatArray]:
+    """The sampled model under a policy about a plan, for several lengths m of its feedforward.
+
+    Returns:
+        states (n + 1, m, batch, 7) and commands (n, m, batch, 2).
+    """
+    count = disturbance.shape[:-1]
+    states, commands = np.empty((len(state), *count, STATES)), np.empty((len(command), *count, 2))
+    now = states[0] = np.broadcast_to(start, (*count, STATES))
+    for k in range(len(command)):
+        push = lengths[:, None, None] * policy.feedforward[k]
+        wish = command[k] + push + apply(policy.gain[k], now - state[k])
+        commands[k] = problem.within_limits(now, wish) if cut else wish
+        now = states[k + 1] = problem.next_state(now, commands[k], disturbance)
+    return states, commands
+
+
+def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArray]:
+    """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
+
+    Steps until the cost falls by less than a share of FITTED, but no more than FITTING_PASSES.
+    """
+    batch = target.state.shape[1]
+    size = STATES + DISTURBANCES
+    plan = Plan(target.state, target.command, np.full(batch, np.inf))
+    for _ in range(FITTING_PASSES):
+        last = plan
+        plan = improved(
+            problem,
+            last.state,
+            last.command,
+            target,
+            np.zeros((batch, size, size)),
+            start=last.state[0],
+            disturbance=np.zeros((batch, DISTURBANCES)),
+            lengths=FITTING_LENGTHS,
+        )
+        if not (plan.cost < (1.0 - FITTED) * last.cost).any():
+            break
+    return plan.state, plan.command
+
+
+def lqr(
+    problem: TrackingProblem, state: FloatArray, command: FloatArray, decay: float
+) -> RiccatiSolution:
+    """The time-varying LQR about a plan; its states (11) are the errors and the disturbances.
+
+    Args:
+        problem: model and stage cost.
+        state: (n + 1, batch, 7).
+        command: (n, batch, 2).
+        decay: factor by which disturbances fall in a period.
+    """
+    linear = problem.linearise(state[:-1], command, np.zeros(DISTURBANCES))
+    n, batch = linear.A.shape[:2]
+    size = STATES + DISTURBANCES
+    A, B = np.zeros((n, batch, size, size)), np.zeros((n, batch, size, INPUTS))
+    A[..., :STATES, :STATES], A[..., :STATES, STATES:] = linear.A, linear.D
+    A[..., STATES:, STATES:] = decay * np.eye(DISTURBANCES)
+    B[..., :STATES, :] = linear.B
+    by_state = np.zeros((n, batch, RESIDUALS, size))
+    by_state[..., :STATES] = problem.residual_by_state(state[:-1])
+    exact, end, slope = (
+        np.zeros((n, batch, RESIDUALS)),
+        np.zeros((batch, size, size)),
+        np.zeros((batch, size)),
+    )
+    return backward(A, B, by_state, problem.residual_by_command, exact, end, slope)
