@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,19 +95,13 @@ class Plots:
         self._series = SeriesLog(stream)
         self._flags = {name: StateLog(stream, f"flags/{name}", YES_NO) for name in FLAGS}
 
-    def append(self, rows: Trajectory, curves: Curves, signals: Mapping[str, FloatArray]) -> None:
-        """Log the next rows of the run.
-
-        Args:
-            rows: n rows of one simulation.
-            curves: of the same rows.
-            signals: name → values (n, 1) of what the control law logged at the same rows.
-        """
+    def append(self, rows: Trajectory, curves: Curves) -> None:
+        """Log the next rows of the run, of one simulation, and the curves of the same rows."""
         for plot, series in _values(rows, curves).items():
             for name, values in series.items():
                 look = PLOTS[plot].series[name]
                 self._series.append(f"plots/{plot}/{name}", look, rows.time_s, values)
-        for name, values in signals.items():
+        for name, values in rows.signals.items():
             look = Series((name,), (style.TRACTOR,))
             self._series.append(signal_path(name), look, rows.time_s, values)
         for name, flag in self._flags.items():

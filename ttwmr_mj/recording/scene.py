@@ -78,12 +78,7 @@ class Scene:
         stream.log(f"{root}/contact_forces", arrow, static=True)
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
-        """Log the next rows of the run.
-
-        Args:
-            rows: n rows of one simulation.
-            curves: of the same rows.
-        """
+        """Log the next rows of the run, of one simulation, and the curves of the same rows."""
         now = time_column(rows.time_s)
         position, quaternion = self._poses.at(rows)
         for i, body in enumerate(self._bodies, start=1):
