@@ -136,7 +136,7 @@ def test_the_schema_shows_both_forms() -> None:
     robot = schema["RobotParameters"]["properties"]
     assert robot["trailer"] == robot["trailers"]["items"] == {"$ref": "#/$defs/Trailer"}
     assert robot["hitch"] == robot["hitches"]["items"] == {"$ref": "#/$defs/Hitch"}
-    assert schema["Belief"]["properties"]["robot"]["$ref"] == "#/$defs/RobotParameters"
+    assert schema["BeliefOptions"]["properties"]["robot"]["$ref"] == "#/$defs/RobotParameters"
 
 
 @pytest.mark.parametrize("kind", ["contact", "analytic"])

@@ -41,7 +41,9 @@ class Config(BaseModel):
 class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""
 
-    mass_kg: float = Field(default=0.9, gt=0, le=1e3, description="m1, Table I")
+    mass_kg: float = Field(
+        default=0.9, gt=0, le=1e3, description="m1, all but the trailer, Table I"
+    )
     yaw_inertia_kg_m2: float = Field(
         default=0.0035, gt=0, le=1e3, description="J1 about the tractor's own COM, Table I"
     )
@@ -53,7 +55,10 @@ class Tractor(Config):
         default=0.119, gt=0, le=10, description="2b: distance between the wheels, Table I"
     )
     wheel_mass_kg: float = Field(
-        default=0.03, gt=0, le=100, description="of one wheel; part of m1 (assumed: 52 mm wheel)"
+        default=0.03,
+        gt=0,
+        le=100,
+        description="of one wheel; part of m1 (assumed: 52 mm wheel)",
     )
     wheel_half_width_m: float = Field(
         default=0.006, gt=0, le=1, description="half width of a wheel's tyre (assumed)"
@@ -67,7 +72,7 @@ class Tractor(Config):
 class Trailer(Config):
     """A trailer (Table I), with its two spherical wheels."""
 
-    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2, Table I")
+    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2, with its casters, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.00078, gt=0, le=1e3, description="J2 about the trailer's own COM, Table I"
     )
@@ -99,13 +104,22 @@ class Hitch(Config):
     """
 
     stiffness_n_m_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="k_t: torque per hitch angle, at rest when aligned"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="k_t: torsion spring, at rest when aligned",
     )
     damping_n_m_s_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="c_t: damper and viscous friction together"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="c_t: damper and viscous friction; typically 0.001",
     )
     coulomb_friction_n_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="dry friction torque, whatever the rate"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="dry friction, whatever the rate; typically 0.001",
     )
 
 
@@ -126,9 +140,15 @@ class Servo(Config):
     preset: Literal["lab", "fast"] = Field(
         default="lab", description="lab: 6.5 rad/s; fast: 40 rad/s, for the simulated circle"
     )
-    stall_torque_n_m: float = Field(default=1.62, gt=0, le=1e3, description="Section 4")
-    speed_limit_rad_s: float = Field(default=6.5, gt=0, le=1e3)
-    acceleration_limit_rad_s2: float = Field(default=50.0, gt=0, le=1e5)
+    stall_torque_n_m: float = Field(
+        default=1.62, gt=0, le=1e3, description="largest torque, Section 4"
+    )
+    speed_limit_rad_s: float = Field(
+        default=6.5, gt=0, le=1e3, description="commands are cut to it; default: the preset's"
+    )
+    acceleration_limit_rad_s2: float = Field(
+        default=50.0, gt=0, le=1e5, description="ramp of the set speed; default: the preset's"
+    )
     velocity_gain_n_m_s_rad: float = Field(
         default=10.0, gt=0, le=1e4, description="torque per rad/s of speed error, up to stall"
     )
@@ -147,18 +167,21 @@ class Servo(Config):
 class Casters(Config):
     """The spherical wheels: one under the tractor's nose, two under the trailer."""
 
-    radius_m: float = Field(default=0.008, gt=0, le=1)
+    radius_m: float = Field(default=0.008, gt=0, le=1, description="of one ball")
     mass_kg: float = Field(
         default=0.001, gt=0, le=10, description="of one ball; part of its body's mass"
     )
     rolling_resistance_m: float = Field(
-        default=0.0, ge=0, le=0.1, description="resisting torque per normal force"
+        default=0.0, ge=0, le=0.1, description="resisting torque per normal force; typically 1e-4"
     )
     tractor_position_m: float = Field(
         default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
     )
     trailer_half_spacing_m: float = Field(
-        default=0.05, gt=0, le=10, description="of the trailer's casters, under its COM"
+        default=0.05,
+        gt=0,
+        le=10,
+        description="half the distance between the trailer's casters",
     )
 
 

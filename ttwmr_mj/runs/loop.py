@@ -17,7 +17,7 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory, column_names
 from ttwmr_mj.runs.deadline import Deadline, Overrun
 from ttwmr_mj.runs.stopwatch import Stopwatch
-from ttwmr_mj.scenario.schema import Push, Scenario
+from ttwmr_mj.scenario.schema import PushOptions, Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
@@ -226,7 +226,7 @@ def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:
     rows.labels_found[k] = estimate.labels_found
 
 
-def _forces(pushes: tuple[Push, ...], time_s: float) -> dict[str, FloatArray]:
+def _forces(pushes: tuple[PushOptions, ...], time_s: float) -> dict[str, FloatArray]:
     """Half → (2,) sum of the pushes that act in the control period that starts now."""
     forces: dict[str, FloatArray] = {}
     for push in pushes:

@@ -6,7 +6,7 @@ import difflib
 from functools import cache
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from ttwmr_mj.errors import Fault, Keys, shown
 from ttwmr_mj.robot import RobotParameters
@@ -21,6 +21,17 @@ MOVED: dict[Keys, str] = {
     ("controller", "friction", "believed_share"): "gone; give the friction that the controller "
     "believes in belief.robot.hitch.coulomb_friction_n_m",
 }
+
+
+def faults_of(error: ValidationError, root: type[BaseModel] = Scenario) -> list[Fault]:
+    """What pydantic found in a file of the model `root`, in this project's words."""
+    errors = error.errors()
+    inner = {item["loc"][:-2] for item in errors}  # a list's items count only if they are whole
+    return [
+        fault_of(item, root)
+        for item in errors
+        if not (item["type"] == "too_short" and item["loc"] in inner)
+    ]
 
 
 def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
@@ -43,6 +54,10 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
                 return Fault(key=key, problem="missing", allowed=allowed)
             hint = suggestion(str(context["tag"]), kinds)
             return Fault(key=key, got=f"{context['tag']!r}{hint}", allowed=allowed)
+        case "too_short":
+            return Fault(
+                key=keys, got=shown(got), allowed=f"at least {context['min_length']} of them"
+            )
         case "value_error":  # raised by a validator of this project
             return Fault(key=keys, got=shown(got), problem=str(context["error"]))
     return Fault(key=keys, got=shown(got), allowed=error["msg"].removeprefix("Input should be "))

@@ -38,19 +38,21 @@ class AtRest(Config):
     """Start standing still at a pose; Table II's (0.6, −0.3) m is the default."""
 
     kind: Literal["at_rest"] = "at_rest"
-    x_m: Coordinate = 0.6
-    y_m: Coordinate = -0.3
-    theta1_rad: Angle = 0.0
-    theta2_rad: Angle = 0.0
+    x_m: Coordinate = Field(default=0.6, description="of P, in the world")
+    y_m: Coordinate = Field(default=-0.3, description="of P, in the world")
+    theta1_rad: Angle = Field(default=0.0, description="the tractor's heading, from +x to +y")
+    theta2_rad: Angle = Field(
+        default=0.0, description="the trailer's heading; as theta1_rad where it is aligned"
+    )
 
 
 class OnReference(Config):
     """Start on the reference, moving with it, but for these offsets."""
 
     kind: Literal["on_reference"]
-    x_offset_m: Coordinate = 0.0
-    y_offset_m: Coordinate = 0.0
-    theta1_offset_rad: Angle = 0.0
+    x_offset_m: Coordinate = Field(default=0.0, description="of P; typically up to 0.1")
+    y_offset_m: Coordinate = Field(default=0.0, description="of P; typically up to 0.1")
+    theta1_offset_rad: Angle = Field(default=0.0, description="typically up to 0.2")
     theta2_offset_rad: Angle = Field(
         default=0.0, description="from θ2's reference, or from θ1 where there is none"
     )
@@ -63,7 +65,7 @@ class AnalyticOptions(Config):
     """Settings of the analytic plant."""
 
     max_step_s: float = Field(
-        default=0.011, ge=1e-6, le=0.1, description="longest integration step"
+        default=0.011, ge=1e-6, le=0.1, description="longest step in a control period"
     )
     published_spring: bool = Field(
         default=False, description="divide the hitch's spring torque by k as Eq. 41 prints it"
@@ -74,23 +76,29 @@ class AnalyticOptions(Config):
     )
 
 
-class Push(Config):
+class PushOptions(Config):
     """A force on one half of the robot for a while (contact plant only).
 
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
 
-    on: Literal["tractor", "trailer"] = "trailer"
-    start_s: float = Field(ge=0, le=MAX_DURATION_S)
-    duration_s: float = Field(gt=0, le=MAX_DURATION_S)
-    force_n: Point = Field(description="x, y in the world")
+    on: Literal["tractor", "trailer"] = Field(default="trailer", description="the half pushed")
+    start_s: float = Field(ge=0, le=MAX_DURATION_S, description="simulated time of its start")
+    duration_s: float = Field(
+        gt=0, le=MAX_DURATION_S, description="how long it lasts; typically 0.1 to 1"
+    )
+    force_n: Point = Field(description="x, y in the world; the robot's weight is 12 N")
 
 
-class Plant(Config):
+class PlantOptions(Config):
     """What is driven: contact physics or the analytic model, and what disturbs it."""
 
-    kind: Literal["contact", "analytic"] = "contact"
-    pushes: Annotated[tuple[Push, ...], Field(strict=False)] = ()
+    kind: Literal["contact", "analytic"] = Field(
+        default="contact", description="MuJoCo's contact physics, or the article's equations"
+    )
+    pushes: Annotated[tuple[PushOptions, ...], Field(strict=False)] = Field(
+        default=(), description="forces that disturb the robot (contact plant only)"
+    )
     contact: ContactOptions = ContactOptions()
     analytic: AnalyticOptions = AnalyticOptions()
 
@@ -98,10 +106,12 @@ class Plant(Config):
 Sensing = Annotated[TruthSensing | CameraSensing, Field(discriminator="kind")]
 
 
-class Control(Config):
+class ControlOptions(Config):
     """The sampled loop."""
 
-    sampling_time_s: float = Field(default=0.033, gt=0, le=10, description="33 ms in Section 4")
+    sampling_time_s: float = Field(
+        default=0.033, gt=0, le=10, description="between two commands; 33 ms in Section 4"
+    )
     controller_time_limit_s: float = Field(
         default=2.0,
         gt=0,
@@ -111,7 +121,7 @@ class Control(Config):
     )
 
 
-class Output(Config):
+class OutputOptions(Config):
     """Which files a run leaves beside its numbers."""
 
     recording: bool = Field(default=True, description="run.rrd for the Rerun viewer")
@@ -133,7 +143,7 @@ def _part_of_robot(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSch
     )
 
 
-class Belief(Config):
+class BeliefOptions(Config):
     """What controller, reference and camera tracker take for true, where it is not."""
 
     robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of_robot)] = Field(
@@ -144,20 +154,27 @@ class Belief(Config):
 class Scenario(Config):
     """One experiment."""
 
-    schema_version: Literal[1] = 1
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
-    description: str = ""
-    seed: int = Field(default=0, ge=0, lt=2**32)
-    duration_s: float = Field(gt=0, le=MAX_DURATION_S)
+    schema_version: Literal[1] = Field(default=1, description="of this format")
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
+        description="of results and recordings: lower-case letters, digits, - and _",
+    )
+    description: str = Field(default="", description="one sentence, as `ttwmr list` prints it")
+    seed: int = Field(
+        default=0, ge=0, lt=2**32, description="of all that is random: noise, camera, controller"
+    )
+    duration_s: float = Field(
+        gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
+    )
     robot: RobotParameters = RobotParameters()
-    belief: Belief = Belief()
-    plant: Plant = Plant()
+    belief: BeliefOptions = BeliefOptions()
+    plant: PlantOptions = PlantOptions()
     initial: Initial = AtRest()
     reference: AnyReference
-    control: Control = Control()
+    control: ControlOptions = ControlOptions()
     controller: AnyController
     sensing: Sensing = TruthSensing()
-    output: Output = Output()
+    output: OutputOptions = OutputOptions()
 
     @field_validator("initial", mode="before")
     @classmethod
