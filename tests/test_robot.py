@@ -100,7 +100,7 @@ def test_a_resolved_train_loads_back_and_its_first_trailer_can_be_set(tmp_path: 
     [
         ({**TABLES, "hitches": [{}]}, "robot.hitches: got 1; allowed: as many as there are tra"),
         ({"hitches": [{}, {}]}, "robot.hitches: got 2; allowed: as many as there are trailers, 1"),
-        ({"trailers": []}, "robot.trailers: got []; allowed: at least one"),
+        ({"trailers": []}, "robot.trailers: got []; allowed: at least 1 of them"),
         ({"trailers": [{}, {}], "hitches": [{}, {}]}, "robot.trailer.next_hitch_offset_m: missing"),
         ({"trailers": 3, "trailer": {}}, "robot.trailers: got 3"),
         ({"trailer": 3}, "robot.trailer: got 3"),

@@ -73,8 +73,6 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
     "_contact_only": [
         ([PUSH], [PUSH, ANALYTIC], "plant.pushes", "only plant.kind = 'contact' can be pushed"),
         ([ANALYTIC], [PUSH, ANALYTIC], "plant.pushes", ""),
-    ],
-    "_physics_rate": [
         (
             ["output.physics_rate=true"],
             ["output.physics_rate=true", ANALYTIC],

@@ -16,8 +16,6 @@ from pydantic import (
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     ValidationError,
-    ValidationInfo,
-    field_validator,
     model_serializer,
     model_validator,
 )
@@ -178,10 +176,7 @@ class Casters(Config):
         default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
     )
     trailer_half_spacing_m: float = Field(
-        default=0.05,
-        gt=0,
-        le=10,
-        description="half the distance between the trailer's casters",
+        default=0.05, gt=0, le=10, description="half the distance of the trailer's casters"
     )
 
 
@@ -196,7 +191,9 @@ class RobotParameters(Config):
 
     tractor: Tractor = Tractor()
     trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
-        default=(Trailer(),), description="front to back; [robot.trailer] is the first"
+        default=(Trailer(),),
+        min_length=1,
+        description="front to back; [robot.trailer] is the first",
     )
     hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
         default=(Hitch(),), description="one in front of each trailer; [robot.hitch] is the first"
@@ -204,7 +201,7 @@ class RobotParameters(Config):
     servo: Servo = Servo()
     casters: Casters = Casters()
 
-    if TYPE_CHECKING:
+    if TYPE_CHECKING:  # pydantic's own knows no `trailer` and `hitch`
 
         def __init__(
             self,
@@ -266,25 +263,15 @@ class RobotParameters(Config):
     def _fold_first(cls, given: Any) -> Any:
         return _as_lists(given) if isinstance(given, dict) else given
 
-    @field_validator("trailers")
-    @classmethod
-    def _no_gap(cls, trailers: tuple[Trailer, ...]) -> tuple[Trailer, ...]:
-        if not trailers:
-            raise _refused((), [], "at least one")
-        for i, trailer in enumerate(trailers[:-1]):
+    @model_validator(mode="after")
+    def _hangs_together(self) -> Self:
+        for i, trailer in enumerate(self.trailers[:-1]):
             if trailer.next_hitch_offset_m is None:
-                raise _refused((i, "next_hitch_offset_m"), None)
-        return trailers
-
-    @field_validator("hitches")
-    @classmethod
-    def _one_for_each_trailer(
-        cls, hitches: tuple[Hitch, ...], info: ValidationInfo
-    ) -> tuple[Hitch, ...]:
-        trailers = info.data.get("trailers", hitches)  # missing where they are refused
-        if len(hitches) != len(trailers):
-            raise _refused((), len(hitches), f"as many as there are trailers, {len(trailers)}")
-        return hitches
+                raise _refused(("trailers", i, "next_hitch_offset_m"), None)
+        if len(self.hitches) != (count := len(self.trailers)):
+            allowed = f"as many as there are trailers, {count}"
+            raise _refused(("hitches",), len(self.hitches), allowed)
+        return self
 
     @model_serializer(mode="wrap")
     def _unfold_first(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -334,7 +321,7 @@ def _merged(under: Any, over: Any) -> Any:
 
 
 def _refused(place: tuple[str | int, ...], got: Any, allowed: str = "") -> ValidationError:
-    """An error at a place within the value that a validator looks at; nothing allowed: missing."""
+    """An error at a place in the robot; with nothing allowed: the value is missing."""
     custom = PydanticCustomError("robot", "{allowed}", {"allowed": allowed})
     kind = custom if allowed else "missing"
     return ValidationError.from_exception_data(

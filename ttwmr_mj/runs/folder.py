@@ -92,14 +92,10 @@ def git_commit() -> str | None:
     git, checkout = shutil.which("git"), Path(__file__).resolve().parents[2]
     if git is None or not (checkout / ".git").exists():
         return None
-
-    def ask(*words: str) -> str:
-        command = [git, "-C", str(checkout), *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
-        return done.stdout.strip()
-
+    command = [git, "-C", str(checkout), "describe", "--always", "--dirty", "--abbrev=40"]
+    command += ["--exclude=*"]  # no names of tags
     try:
-        commit = ask("rev-parse", "HEAD")
-        return commit + ("-dirty" if ask("status", "--porcelain", "-uno") else "")
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (subprocess.SubprocessError, OSError):
         return None
+    return done.stdout.strip()

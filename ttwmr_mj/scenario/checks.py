@@ -72,13 +72,12 @@ def _open_loop(scenario: Scenario) -> Iterable[Fault]:
 
 
 def _contact_only(scenario: Scenario) -> Iterable[Fault]:
-    if scenario.plant.kind == "analytic" and scenario.plant.pushes:
+    if scenario.plant.kind == "contact":
+        return
+    if scenario.plant.pushes:
         problem = "only plant.kind = 'contact' can be pushed"
         yield Fault(key=("plant", "pushes"), got="pushes", problem=problem)
-
-
-def _physics_rate(scenario: Scenario) -> Iterable[Fault]:
-    if scenario.plant.kind == "analytic" and scenario.output.physics_rate:
+    if scenario.output.physics_rate:
         problem = "only plant.kind = 'contact' steps at a physics rate"
         yield Fault(key=("output", "physics_rate"), got="true", problem=problem)
 
@@ -147,8 +146,7 @@ CHECKS = (
     Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
     Check(_belief, ("robot", "belief")),
     Check(_open_loop, ("reference", "initial")),
-    Check(_contact_only, ("plant.kind", "plant.pushes")),
-    Check(_physics_rate, ("plant.kind", "output")),
+    Check(_contact_only, ("plant.kind", "plant.pushes", "output")),
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "control")),

@@ -26,11 +26,12 @@ MOVED: dict[Keys, str] = {
 def faults_of(error: ValidationError, root: type[BaseModel] = Scenario) -> list[Fault]:
     """What pydantic found in a file of the model `root`, in this project's words."""
     errors = error.errors()
-    inner = {item["loc"][:-2] for item in errors}  # a list's items count only if they are whole
+    # a list whose items have faults counts as too short, as if they were not there
+    around = {item["loc"][:n] for item in errors for n in range(len(item["loc"]))}
     return [
         fault_of(item, root)
         for item in errors
-        if not (item["type"] == "too_short" and item["loc"] in inner)
+        if not (item["type"] == "too_short" and item["loc"] in around)
     ]
 
 
