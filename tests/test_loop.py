@@ -268,6 +268,16 @@ def test_a_start_on_the_reference_is_its_first_sample_and_the_offsets() -> None:
     assert start.q_rate[0, 3] == start.q_rate[0, 2]
 
 
+def test_the_age_of_what_was_seen_is_a_column() -> None:
+    late = scenario(sensing={"kind": "truth", "latency_s": 0.066})
+    rows = tt.simulate(late, nsim=2, scenario_folder=HERE).trajectory
+    ages = PERIOD_S * np.minimum(np.arange(10), 2)
+    np.testing.assert_allclose(rows.measurement_age_s, np.stack([ages, ages], 1), atol=1e-15)
+    np.testing.assert_array_equal(rows.est_q[2:], rows.q[:-2])
+    assert rows.est_valid.all()
+    assert np.isnan(rows.labels_found).all()
+
+
 def test_generators_are_independent_of_each_other() -> None:
     one, both = generators(3, ("sensor",)), generators(3, ("controller", "sensor"))
     assert one["sensor"].random() == both["sensor"].random()

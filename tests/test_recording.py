@@ -281,6 +281,9 @@ def test_a_reference_of_the_trailer_that_ceases_or_jumps_is_cut() -> None:
     theta2 = np.array([0.0, 0.1, np.nan, 0.3, 0.4, 0.5 - np.pi, 0.6 - np.pi, 0.7 - np.pi])
     cut = [piece[:, 0].tolist() for piece in reference_pieces(points, theta2)]
     assert cut == [[0.0, 2.0], [6.0, 8.0], [10.0, 12.0, 14.0]]
+    # a quarter of a turn between samples is a jump
+    cut = [len(piece) for piece in reference_pieces(points[:5], np.array([0, 1.5, 3, 4.6, 6.1]))]
+    assert cut == [3, 2]
 
 
 def test_what_the_sensor_saw_is_plotted_against_the_truth(tmp_path: Path) -> None:
