@@ -100,6 +100,19 @@ def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:
         time.sleep(0.2)
 
 
+def test_what_is_in_time_or_breaks_by_itself_is_no_overrun() -> None:
+    with Deadline(60.0):  # never armed
+        pass
+    until = time.thread_time() + 0.05
+    with pytest.raises(KeyError), Deadline(0.01):  # noqa: PT012  # the loop is the point
+        while time.thread_time() < until:
+            pass
+        raise KeyError
+    with pytest.raises(Overrun), Deadline(0.01):  # noqa: PT012
+        while time.thread_time() < until + 0.05:
+            pass
+
+
 def test_the_alarm_is_given_back() -> None:
     rung = []
     before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))

@@ -11,6 +11,7 @@ import pytest
 from recordings import Recording, recorder
 
 from ttwmr_mj.recording.blueprint import _overhead_eye
+from ttwmr_mj.recording.layout import following_eye
 
 NAN = np.full(2, np.nan)
 FOUND = np.array([[1.0, 2.0], NAN, [3.0, 4.0], [5.0, 6.0]])
@@ -121,3 +122,11 @@ def test_the_eye_above_sees_the_whole_floor() -> None:
     assert tall.eye_up.as_arrow_array().to_pylist() == [[0.0, 1.0, 0.0]]
     wide = _overhead_eye(np.array([[0.0, 0.0], [12.0, 4.0]]))
     assert wide.position.as_arrow_array().to_pylist()[0][2] == pytest.approx(10.0)
+
+
+def test_the_eye_behind_follows_p() -> None:
+    eye = following_eye()
+    assert eye.position.as_arrow_array().to_pylist() == [pytest.approx([-0.36, -0.36, 0.34])]
+    assert eye.look_target.as_arrow_array().to_pylist() == [[0.0, 0.0, 0.0]]
+    assert eye.eye_up.as_arrow_array().to_pylist() == [[0.0, 0.0, 1.0]]
+    assert eye.tracking_entity.as_arrow_array().to_pylist() == ["/world/tractor/P"]
