@@ -272,6 +272,7 @@ def test_floor_and_reference_are_drawn_where_they_are(recording: Recording) -> N
         np.testing.assert_allclose(np.array(strip)[:, :2], points, atol=FLOAT32_M)
     marker = recording.values("/world/reference/marker", "Transform3D:translation")[:, 0]
     np.testing.assert_allclose(marker[:, :2], contact_run().ref_q[:, 0, :2], atol=FLOAT32_M)
+    assert not marker[:, 2].any()
     ((_, (ball,)),) = recording.entities["/world/reference/marker/ball"]["Ellipsoids3D:centers"]
     assert ball == pytest.approx([0.0, 0.0, 0.11])
 

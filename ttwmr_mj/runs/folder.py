@@ -36,13 +36,11 @@ def open_folder(folder: Path, force: bool) -> None:
     """
     try:
         if not force and folder.is_dir() and any(folder.iterdir()):
-            raise InputError(
-                f"--out {folder}: the folder is not empty; give another one, or --force to write "
-                "into it"
-            )
+            hint = "give another one, or --force to write into it"
+            raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {folder}: cannot make the folder: {error}") from error
+        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(folder)) from error
 
 
 def write_resolved(folder: Path, scenario: Scenario) -> None:
