@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 from pydantic import ValidationError
 
-from ttwmr_mj.composite import tractor_chassis, trailer_chassis
+from ttwmr_mj.composite import tractor_chassis, trailer_chassis, wheel_inertia
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
@@ -194,6 +194,17 @@ def test_chassis_and_parts_make_the_whole() -> None:
     # the COM of the parts, weighed, is Table I's
     moment = chassis.mass_kg * chassis.x_m + 0.01 * robot.casters.tractor_position_m
     assert moment / robot.tractor.mass_kg == pytest.approx(robot.tractor.com_offset_m)
+    # and so is their inertia about it (Steiner): two wheels aside of P, the ball ahead of it
+    com, (_, wheel) = robot.tractor.com_offset_m, wheel_inertia(robot)
+    parts = [
+        chassis.yaw_inertia_kg_m2 + chassis.mass_kg * (chassis.x_m - com) ** 2,
+        2 * (wheel + 0.03 * (com**2 + 0.0595**2)),
+        0.4 * 0.01 * 0.008**2 + 0.01 * (0.075 - com) ** 2,
+    ]
+    assert sum(parts) == pytest.approx(robot.tractor.yaw_inertia_kg_m2)
+    # a solid cylinder of 0.03 kg, r = 26 mm, 12 mm wide
+    assert wheel == pytest.approx(0.03 * (3 * 0.026**2 + 0.012**2) / 12)
+    assert wheel_inertia(robot)[0] == pytest.approx(0.5 * 0.03 * 0.026**2)
 
 
 def test_a_state_is_as_wide_as_the_robot_is_long() -> None:

@@ -19,14 +19,14 @@ class Lump:
     Attributes:
         mass_kg: its mass.
         x_m: of its COM, along the long axis.
-        aside_m: distance of its COM from that axis.
         yaw_inertia_kg_m2: about its own COM.
+        aside_m: distance of its COM from that axis.
     """
 
     mass_kg: float
     x_m: float
-    aside_m: float
     yaw_inertia_kg_m2: float
+    aside_m: float = 0.0
 
 
 def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:
@@ -76,16 +76,16 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
             got=f"{whole.yaw_inertia_kg_m2:g}",
             allowed="more than that, or lighter wheels and casters",
         )
-    return Lump(mass, x, 0.0, inertia)
+    return Lump(mass, x, inertia)
 
 
 def tractor_chassis(robot: RobotParameters) -> Lump:
     """Chassis of the tractor without wheels and caster."""
     tractor, casters = robot.tractor, robot.casters
     _, diametral = wheel_inertia(robot)
-    wheel = Lump(tractor.wheel_mass_kg, 0.0, robot.half_track_m, diametral)
-    caster = Lump(casters.mass_kg, casters.tractor_position_m, 0.0, ball_inertia(robot))
-    whole = Lump(tractor.mass_kg, tractor.com_offset_m, 0.0, tractor.yaw_inertia_kg_m2)
+    wheel = Lump(tractor.wheel_mass_kg, 0.0, diametral, robot.half_track_m)
+    caster = Lump(casters.mass_kg, casters.tractor_position_m, ball_inertia(robot))
+    whole = Lump(tractor.mass_kg, tractor.com_offset_m, tractor.yaw_inertia_kg_m2)
     return chassis_remainder(whole, [wheel, wheel, caster], "robot.tractor")
 
 
@@ -93,7 +93,7 @@ def trailer_chassis(robot: RobotParameters, index: int = 0) -> Lump:
     """Chassis of a trailer (0: the first) without its two casters; x from its hitch."""
     trailer, casters = robot.trailers[index], robot.casters
     x = -trailer.com_offset_m
-    caster = Lump(casters.mass_kg, x, casters.trailer_half_spacing_m, ball_inertia(robot))
-    whole = Lump(trailer.mass_kg, x, 0.0, trailer.yaw_inertia_kg_m2)
+    caster = Lump(casters.mass_kg, x, ball_inertia(robot), casters.trailer_half_spacing_m)
+    whole = Lump(trailer.mass_kg, x, trailer.yaw_inertia_kg_m2)
     table = f"robot.trailers.{index}" if index else "robot.trailer"
     return chassis_remainder(whole, [caster, caster], table)
