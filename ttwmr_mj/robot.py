@@ -39,16 +39,16 @@ class Config(BaseModel):
 class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""
 
-    mass_kg: float = Field(
-        default=0.9, gt=0, le=1e3, description="m1, all but the trailer, Table I"
-    )
+    mass_kg: float = Field(default=0.9, gt=0, le=1e3, description="m1: the whole tractor, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.0035, gt=0, le=1e3, description="J1 about the tractor's own COM, Table I"
     )
     com_offset_m: float = Field(
         default=0.029, gt=0, le=10, description="a1: from P forward to the COM, Table I"
     )
-    wheel_radius_m: float = Field(default=0.026, gt=0, le=1, description="r, Table I")
+    wheel_radius_m: float = Field(
+        default=0.026, gt=0, le=1, description="r: radius of the wheels, Table I"
+    )
     track_width_m: float = Field(
         default=0.119, gt=0, le=10, description="2b: distance between the wheels, Table I"
     )
@@ -56,21 +56,21 @@ class Tractor(Config):
         default=0.03,
         gt=0,
         le=100,
-        description="of one wheel; part of m1 (assumed: 52 mm wheel)",
+        description="of one wheel, part of m1 (assumed)",
     )
     wheel_half_width_m: float = Field(
-        default=0.006, gt=0, le=1, description="half width of a wheel's tyre (assumed)"
+        default=0.006, gt=0, le=1, description="half the width of a tyre (assumed)"
     )
     wheel_shape: Literal["ellipsoid", "cylinder"] = Field(
         default="ellipsoid",
-        description="an ellipsoid touches in a point, a cylinder along a line that scrubs",
+        description="an ellipsoid touches at a point, a cylinder along a line that scrubs",
     )
 
 
 class Trailer(Config):
     """A trailer (Table I), with its two spherical wheels."""
 
-    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2, with its casters, Table I")
+    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2: the whole trailer, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.00078, gt=0, le=1e3, description="J2 about the trailer's own COM, Table I"
     )
@@ -139,10 +139,10 @@ class Servo(Config):
         default="lab", description="lab: 6.5 rad/s; fast: 40 rad/s, for the simulated circle"
     )
     stall_torque_n_m: float = Field(
-        default=1.62, gt=0, le=1e3, description="largest torque, Section 4"
+        default=1.62, gt=0, le=1e3, description="largest torque, Section 4 (stall)"
     )
     speed_limit_rad_s: float = Field(
-        default=6.5, gt=0, le=1e3, description="commands are cut to it; default: the preset's"
+        default=6.5, gt=0, le=1e3, description="fastest wheel; default: the preset's"
     )
     acceleration_limit_rad_s2: float = Field(
         default=50.0, gt=0, le=1e5, description="ramp of the set speed; default: the preset's"
@@ -176,7 +176,7 @@ class Casters(Config):
         default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
     )
     trailer_half_spacing_m: float = Field(
-        default=0.05, gt=0, le=10, description="half the distance of the trailer's casters"
+        default=0.05, gt=0, le=10, description="from the trailer's axis to each of its casters"
     )
 
 

@@ -38,11 +38,11 @@ class AtRest(Config):
     """Start standing still at a pose; Table II's (0.6, −0.3) m is the default."""
 
     kind: Literal["at_rest"] = "at_rest"
-    x_m: Coordinate = Field(default=0.6, description="of P, in the world")
-    y_m: Coordinate = Field(default=-0.3, description="of P, in the world")
-    theta1_rad: Angle = Field(default=0.0, description="the tractor's heading, from +x to +y")
+    x_m: Coordinate = Field(default=0.6, description="of P; typically within 1")
+    y_m: Coordinate = Field(default=-0.3, description="of P; typically within 1")
+    theta1_rad: Angle = Field(default=0.0, description="heading of the tractor, from +x")
     theta2_rad: Angle = Field(
-        default=0.0, description="the trailer's heading; as theta1_rad where it is aligned"
+        default=0.0, description="heading of the trailer; theta1_rad where aligned"
     )
 
 
@@ -50,9 +50,9 @@ class OnReference(Config):
     """Start on the reference, moving with it, but for these offsets."""
 
     kind: Literal["on_reference"]
-    x_offset_m: Coordinate = Field(default=0.0, description="of P; typically up to 0.1")
-    y_offset_m: Coordinate = Field(default=0.0, description="of P; typically up to 0.1")
-    theta1_offset_rad: Angle = Field(default=0.0, description="typically up to 0.2")
+    x_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
+    y_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
+    theta1_offset_rad: Angle = Field(default=0.0, description="of the tractor; typically 0.2")
     theta2_offset_rad: Angle = Field(
         default=0.0, description="from θ2's reference, or from θ1 where there is none"
     )
@@ -65,7 +65,7 @@ class AnalyticOptions(Config):
     """Settings of the analytic plant."""
 
     max_step_s: float = Field(
-        default=0.011, ge=1e-6, le=0.1, description="longest step in a control period"
+        default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
     )
     published_spring: bool = Field(
         default=False, description="divide the hitch's spring torque by k as Eq. 41 prints it"
@@ -82,8 +82,8 @@ class PushOptions(Config):
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
 
-    on: Literal["tractor", "trailer"] = Field(default="trailer", description="the half pushed")
-    start_s: float = Field(ge=0, le=MAX_DURATION_S, description="simulated time of its start")
+    on: Literal["tractor", "trailer"] = Field(default="trailer", description="which half is pushed")
+    start_s: float = Field(ge=0, le=MAX_DURATION_S, description="simulated time at which it starts")
     duration_s: float = Field(
         gt=0, le=MAX_DURATION_S, description="how long it lasts; typically 0.1 to 1"
     )
@@ -110,14 +110,14 @@ class ControlOptions(Config):
     """The sampled loop."""
 
     sampling_time_s: float = Field(
-        default=0.033, gt=0, le=10, description="between two commands; 33 ms in Section 4"
+        default=0.033, gt=0, le=10, description="time between commands; 33 ms in Section 4"
     )
     controller_time_limit_s: float = Field(
         default=2.0,
         gt=0,
         le=3600,
-        description="CPU time after which the command of a sample counts as never coming and the "
-        "run ends as failed; 15 times as much wall time, for a controller that waits",
+        description="CPU time for one command, after which the run ends as failed; typically 2. "
+        "A controller that waits has 15 times as much wall time",
     )
 
 
@@ -154,14 +154,14 @@ class BeliefOptions(Config):
 class Scenario(Config):
     """One experiment."""
 
-    schema_version: Literal[1] = Field(default=1, description="of this format")
+    schema_version: Literal[1] = Field(default=1, description="of this file format")
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
-        description="of results and recordings: lower-case letters, digits, - and _",
+        description="names results and recordings: lower-case letters, digits, - and _",
     )
     description: str = Field(default="", description="one sentence, as `ttwmr list` prints it")
     seed: int = Field(
-        default=0, ge=0, lt=2**32, description="of all that is random: noise, camera, controller"
+        default=0, ge=0, lt=2**32, description="of everything random: noise, camera, controller"
     )
     duration_s: float = Field(
         gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
@@ -169,11 +169,13 @@ class Scenario(Config):
     robot: RobotParameters = RobotParameters()
     belief: BeliefOptions = BeliefOptions()
     plant: PlantOptions = PlantOptions()
-    initial: Initial = AtRest()
-    reference: AnyReference
+    initial: Initial = Field(default=AtRest(), description="where the robot starts")
+    reference: AnyReference = Field(description="the motion to follow")
     control: ControlOptions = ControlOptions()
-    controller: AnyController
-    sensing: Sensing = TruthSensing()
+    controller: AnyController = Field(description="the control law")
+    sensing: Sensing = Field(
+        default=TruthSensing(), description="how the controller learns where the robot is"
+    )
     output: OutputOptions = OutputOptions()
 
     @field_validator("initial", mode="before")
