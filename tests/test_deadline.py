@@ -113,6 +113,16 @@ def test_what_is_in_time_or_breaks_by_itself_is_no_overrun() -> None:
             pass
 
 
+def test_who_waits_has_fifteen_times_the_limit_in_rings_of_a_tenth_of_a_second() -> None:
+    with Deadline(0.1) as deadline:  # never armed: the test is the timer
+        for _ in range(14):
+            deadline._ring(signal.SIGALRM, None)
+    deadline._ring(signal.SIGALRM, None)  # too late: the body is over
+    with pytest.raises(Overrun), Deadline(0.1) as deadline:  # noqa: PT012
+        for _ in range(16):
+            deadline._ring(signal.SIGALRM, None)
+
+
 def test_the_alarm_is_given_back() -> None:
     rung = []
     before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))

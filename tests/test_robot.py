@@ -41,6 +41,15 @@ def test_one_free_trailer_is_the_default() -> None:
     assert (robot.trailers, robot.hitches) == ((Trailer(),), (Hitch(),))
 
 
+def test_a_summary_is_the_first_sentence_of_the_description() -> None:
+    assert Tractor.summary() == (
+        "The differential-drive tractor (Table I), chassis, wheels and caster together"
+    )
+    assert Hitch.summary() == "A trailer's revolute joint, the first at P"
+    undescribed = type("Undescribed", (Tractor,), {"__doc__": None})
+    assert undescribed.summary() == ""
+
+
 def test_the_first_trailer_and_hitch_have_names_of_their_own() -> None:
     assert (TRAIN.trailer, TRAIN.hitch) == (LONG, DAMPED)
     assert RobotParameters(trailer=SHORT, hitch=DRY).trailers == (SHORT,)
