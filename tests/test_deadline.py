@@ -100,6 +100,29 @@ def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:
         time.sleep(0.2)
 
 
+def test_what_is_in_time_or_breaks_by_itself_is_no_overrun() -> None:
+    with Deadline(60.0):  # never armed
+        pass
+    until = time.thread_time() + 0.05
+    with pytest.raises(KeyError), Deadline(0.01):  # noqa: PT012  # the loop is the point
+        while time.thread_time() < until:
+            pass
+        raise KeyError
+    with pytest.raises(Overrun), Deadline(0.01):  # noqa: PT012
+        while time.thread_time() < until + 0.05:
+            pass
+
+
+def test_who_waits_has_fifteen_times_the_limit_in_rings_of_a_tenth_of_a_second() -> None:
+    with Deadline(0.1) as deadline:  # never armed: the test is the timer
+        for _ in range(14):
+            deadline._ring(signal.SIGALRM, None)
+    deadline._ring(signal.SIGALRM, None)  # too late: the body is over
+    with pytest.raises(Overrun), Deadline(0.1) as deadline:  # noqa: PT012
+        for _ in range(16):
+            deadline._ring(signal.SIGALRM, None)
+
+
 def test_the_alarm_is_given_back() -> None:
     rung = []
     before = signal.signal(signal.SIGALRM, lambda *_: rung.append(1))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from drawn import drawn, labels
 
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.figures.run import write_run_figures
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.trajectory import Trajectory
@@ -170,8 +171,8 @@ def test_a_law_that_logs_nothing_gets_no_figure(run: Trajectory, tmp_path: Path)
 
 
 def test_several_simulations_are_refused(run: Trajectory, tmp_path: Path) -> None:
-    two = replace(run, q=np.repeat(run.q, 2, axis=1))
-    with pytest.raises(ValueError, match=r"got 2 simulations.*simulation\(index\)"):
+    two = Trajectory.empty(run.time_s, nsim=2)
+    with pytest.raises(InputError, match="simulation: got none; the trajectory has 2 simulations"):
         write_run_figures(two, ROBOT, tmp_path, "circle")
     assert not list(tmp_path.iterdir())
 

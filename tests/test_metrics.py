@@ -8,63 +8,153 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.flatness import point_behind
-from ttwmr_mj.results.metrics import score
+from ttwmr_mj.results.metrics import METRICS, score
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import RobotParameters, Trailer
 
-ROBOT = RobotParameters()
-
-
-def trajectory(error_m: np.ndarray, theta2_error: float = 0.0) -> Trajectory:
-    """P off by `error_m` in x from a reference at rest; rows are 0.1 s apart."""
-    n = len(error_m)
-    q = np.zeros((n, 1, 4))
-    q[:, 0, 0], q[:, 0, 3] = error_m, theta2_error
-    return replace(
-        Trajectory.empty(0.1 * np.arange(n), 1),
-        q=q,
-        q_rate=np.zeros_like(q),
-        ref_q=np.zeros_like(q),
-        ref_q_rate=np.zeros_like(q),
-        est_q=q + [0.0, 0.003, 0.0, 2 * np.pi],
-        est_q_rate=np.zeros_like(q),
-        wheel_command_rad_s=np.tile([3.0, 4.0], (n, 1, 1)),
-        wheel_speed_rad_s=np.tile([-5.0, 4.0], (n, 1, 1)),
-    )
+# l = 0.3 m, K = 0.3 + 0.06/(1·0.3) = 0.5 m
+ROBOT = RobotParameters(trailer=Trailer(mass_kg=1.0, com_offset_m=0.3, yaw_inertia_kg_m2=0.06))
+TIME_S = np.array([0.0, 0.1, 0.2, 0.3, 0.4])  # the second half starts at 0.2
 
 
-def test_errors_by_hand() -> None:
-    got = score(trajectory(np.array([0.4, 0.3, 0.0, 0.004, 0.003])), ROBOT)[0]
-    assert got["tractor_max_error_m"] == 0.4
-    assert got["tractor_final_error_m"] == 0.003
-    assert got["tractor_rmse_m"] == pytest.approx(np.sqrt((0.25 + 25e-6) / 5))
-    # the second half starts at t = 0.2 s
-    assert got["steady_tractor_rmse_m"] == pytest.approx(np.sqrt(25e-6 / 3))
-    assert got["settling_time_s"] == pytest.approx(0.2)
-    assert got["iae_m_s"] == pytest.approx(0.1 * (0.2 + 0.3 + 0.0 + 0.004 + 0.0015))
-    assert got["wheel_speed_max_rad_s"] == 5.0
-    assert got["control_effort"] == pytest.approx(25.0 * 0.4)
-    assert got["estimator_position_rmse_m"] == pytest.approx(0.003)
-    # a whole turn is no error of an angle
-    assert got["estimator_theta2_rmse_rad"] == pytest.approx(0.0, abs=1e-12)
+def two() -> Trajectory:
+    """Two simulations: one off in place and blind at times, one off in its angles."""
+    rows = Trajectory.empty(TIME_S, nsim=2)
+    rows.q[:], rows.ref_q[:] = 0.0, 0.0
+    # distances 0.5, 0.3, 0, 0.004, 0.003 of P, so of every point of the trailer
+    rows.q[:, 0, 0] = [0.3, -0.3, 0.0, 0.004, 0.0]
+    rows.q[:, 0, 1] = [-0.4, 0.0, 0.0, 0.0, -0.003]
+    rows.q[:, 1, 2] = [0.1, -0.2, 2 * np.pi + 0.3, 0.0, -0.4]
+    rows.q[:, 1, 3] = [0.0, 0.0, np.pi, -np.pi, 4 * np.pi]  # half turns: 2·l, 2·K aside
+    rows.est_q[:] = rows.q
+    rows.est_q[:, 0, :2] += [0.0, 0.003]
+    rows.est_q[:, 0, 2] += [0.1, -0.1, 0.1, -0.1, 2 * np.pi + 0.1]
+    rows.est_q[:, 0, 3] += 2 * np.pi - 0.2
+    rows.est_q[:, 1, 0] -= 0.07
+    rows.wheel_command_rad_s[:, 0] = [3.0, 4.0]
+    rows.wheel_command_rad_s[:, 1] = np.array([0.0, 1.0, 0.0, 0.0, 2.0])[:, None] * [1.0, -1.0]
+    rows.wheel_speed_rad_s[:, 0] = [-5.0, 4.0]
+    rows.wheel_speed_rad_s[:, 1] = [[0.0, 0.0], [1.0, 0.0], [0.0, -2.5], [1.0, 1.0], [0.0, 0.0]]
+    rows.est_valid[1:3, 0] = False
+    rows.saturated[0, 0] = True
+    rows.saturated[2:, 1] = True
+    rows.near_singular[:4, 0] = True
+    return rows
+
+
+FIRST = {
+    "tractor_rmse_m": np.sqrt((0.25 + 0.09 + 25e-6) / 5),
+    "tractor_max_error_m": 0.5,
+    "tractor_final_error_m": 0.003,
+    "trailer_rmse_m": np.sqrt((0.25 + 0.09 + 25e-6) / 5),
+    "trailer_max_error_m": 0.5,
+    "centre_of_oscillation_rmse_m": np.sqrt((0.25 + 0.09 + 25e-6) / 5),
+    "theta1_rmse_rad": 0.0,
+    "theta2_rmse_rad": 0.0,
+    "steady_tractor_rmse_m": np.sqrt(25e-6 / 3),
+    "steady_tractor_max_error_m": 0.004,
+    "steady_trailer_rmse_m": np.sqrt(25e-6 / 3),
+    "steady_trailer_max_error_m": 0.004,
+    "steady_centre_of_oscillation_rmse_m": np.sqrt(25e-6 / 3),
+    "steady_theta1_rmse_rad": 0.0,
+    "steady_theta2_rmse_rad": 0.0,
+    # trapezoids over 0.1 s
+    "iae_m_s": 0.1 * (0.25 + 0.3 + 0.0 + 0.004 + 0.0015),
+    "itae_m_s2": 0.1 * (0.03 + 0.0 + 0.0012 + 0.0006),
+    "settling_time_s": 0.2,
+    "wheel_speed_max_rad_s": 5.0,
+    "control_effort": 25.0 * 0.4,
+    "saturated_share": 0.2,
+    "near_singular_share": 0.8,
+    "estimator_position_rmse_m": 0.003,
+    "estimator_theta1_rmse_rad": 0.1,
+    "estimator_theta2_rmse_rad": 0.2,
+    "blind_share": 0.4,
+}
+SECOND = {
+    "tractor_rmse_m": 0.0,
+    "tractor_max_error_m": 0.0,
+    "tractor_final_error_m": 0.0,
+    "trailer_rmse_m": 0.6 * np.sqrt(2 / 5),
+    "trailer_max_error_m": 0.6,
+    "centre_of_oscillation_rmse_m": 1.0 * np.sqrt(2 / 5),
+    "theta1_rmse_rad": np.sqrt((0.01 + 0.04 + 0.09 + 0.16) / 5),
+    "theta2_rmse_rad": np.pi * np.sqrt(2 / 5),
+    "steady_tractor_rmse_m": 0.0,
+    "steady_tractor_max_error_m": 0.0,
+    "steady_trailer_rmse_m": 0.6 * np.sqrt(2 / 3),
+    "steady_trailer_max_error_m": 0.6,
+    "steady_centre_of_oscillation_rmse_m": 1.0 * np.sqrt(2 / 3),
+    "steady_theta1_rmse_rad": np.sqrt((0.09 + 0.16) / 3),
+    "steady_theta2_rmse_rad": np.pi * np.sqrt(2 / 3),
+    "iae_m_s": 0.0,
+    "itae_m_s2": 0.0,
+    "settling_time_s": 0.0,
+    "wheel_speed_max_rad_s": 2.5,
+    "control_effort": 0.1 * (2.0 + 0.5 * 8.0),
+    "saturated_share": 0.6,
+    "near_singular_share": 0.0,
+    "estimator_position_rmse_m": 0.07,
+    "estimator_theta1_rmse_rad": 0.0,
+    "estimator_theta2_rmse_rad": 0.0,
+    "blind_share": 0.0,
+}
+
+
+@pytest.mark.parametrize("name", list(METRICS))
+def test_every_metric_by_hand_of_two_simulations(name: str) -> None:
+    got = [metrics[name] for metrics in score(two(), ROBOT)]
+    # 1e-15: a whole turn, added and taken off again, rounds
+    assert got == pytest.approx([FIRST[name], SECOND[name]], rel=1e-12, abs=1e-15)
+
+
+def test_every_metric_says_what_it_is() -> None:
+    (first, second), names = score(two(), ROBOT), list(METRICS)
+    assert list(first) == list(second) == names == list(FIRST) == list(SECOND)
+    said = {metric.meaning for name, metric in METRICS.items() if not name.startswith("steady_")}
+    assert len(said) == 19  # one for each
+    assert METRICS["tractor_rmse_m"].meaning == "rms distance of P from its reference"
+    assert METRICS["blind_share"].meaning == "share of samples at which the sensor was blind"
 
 
 def test_trailer_points_hang_behind_p() -> None:
-    got = score(trajectory(np.zeros(4), theta2_error=np.pi), ROBOT)[0]
-    assert got["tractor_rmse_m"] == 0.0
-    assert got["trailer_rmse_m"] == pytest.approx(2 * 0.141)
-    assert got["centre_of_oscillation_rmse_m"] == pytest.approx(2 * ROBOT.swing_length_m)
-    assert got["theta2_rmse_rad"] == pytest.approx(np.pi)
     behind = point_behind(np.array([1.0, 2.0, 0.0, np.pi / 2]), 0.5)
     assert behind == pytest.approx([1.0, 1.5])
 
 
 def test_undefined_is_none_and_never_zero() -> None:
-    free = trajectory(np.array([0.1, 0.2, 0.3]))
-    nowhere = replace(free, ref_q=np.full_like(free.q, np.nan))
+    rows = two()
+    nowhere = replace(rows, ref_q=np.full_like(rows.q, np.nan))
     got = score(nowhere, ROBOT)[0]
-    for key in ("tractor_rmse_m", "steady_trailer_rmse_m", "theta2_rmse_rad", "iae_m_s"):
-        assert got[key] is None
-    assert got["settling_time_s"] is None
+    of_reference = [name for name, metric in METRICS.items() if "reference" in metric.meaning]
+    of_reference += [f"{steady}theta{i}_rmse_rad" for steady in ("", "steady_") for i in (1, 2)]
+    assert [name for name, value in got.items() if value is None] == [
+        name for name in METRICS if name in of_reference
+    ]
     assert got["wheel_speed_max_rad_s"] == 5.0
-    assert score(free, ROBOT)[0]["settling_time_s"] is None  # ends 0.3 m off
+
+
+@pytest.mark.parametrize(
+    ("errors_m", "expected_s"),
+    [
+        ([0.5, 0.3, 0.0, 0.004, 0.011], None),  # ends outside
+        ([0.5, 0.3, 0.0, 0.004, 0.01], 0.2),  # on the edge is inside
+        ([0.01, 0.01, 0.01, 0.01, 0.01], 0.0),
+        ([0.0, 0.0, 0.0, 0.02, 0.0], 0.4),
+        ([0.0, np.nan, 0.0, 0.0, 0.0], None),
+    ],
+)
+def test_a_run_has_settled_when_it_stays(errors_m: list[float], expected_s: float | None) -> None:
+    rows = two()
+    rows.q[:, 0, :2] = np.column_stack([errors_m, np.zeros(5)])
+    assert score(rows, ROBOT)[0]["settling_time_s"] == expected_s
+
+
+def test_samples_without_a_value_are_left_out() -> None:
+    rows = two()
+    rows.q[3:, 0] = np.nan  # this simulation ended, the other went on
+    got = score(rows, ROBOT)[0]
+    assert got["tractor_rmse_m"] == pytest.approx(np.sqrt((0.25 + 0.09) / 3))
+    assert got["tractor_max_error_m"] == 0.5
+    assert got["tractor_final_error_m"] is None
+    assert got["iae_m_s"] == pytest.approx(0.1 * (0.25 + 0.3))

@@ -144,6 +144,13 @@ def test_every_visual_geom_is_drawn_once(recording: Recording) -> None:
         (colour,) = components[f"{shape}:colors"]
         rgba = [(colour[1][0] >> shift) & 255 for shift in (24, 16, 8, 0)]
         np.testing.assert_allclose(rgba, 255 * model.mat_rgba[geom.matid[0]], atol=1)
+        if shape == "Cylinders3D":
+            ((_, (length,)),) = components["Cylinders3D:lengths"]
+            ((_, (radius,)),) = components["Cylinders3D:radii"]
+            assert (radius, length) == pytest.approx((geom.size[0], 2 * geom.size[1]))
+        else:
+            ((_, (half,)),) = components[f"{shape}:half_sizes"]
+            np.testing.assert_allclose(half, model.geom_aabb[i, 3:], rtol=1e-6)
 
 
 def test_contact_forces_carry_the_robot(recording: Recording) -> None:
@@ -245,7 +252,15 @@ def test_floor_and_reference_are_drawn_where_they_are(recording: Recording) -> N
     ((_, lines),) = recording.entities["/world/floor/grid"]["LineStrips3D:strips"]
     ends = np.array(lines)
     upright = ends[ends[:, 0, 0] == ends[:, 1, 0]]
-    np.testing.assert_allclose(np.diff(upright[:, 0, 0]), 0.1, atol=FLOAT32_M)
+    level = ends[ends[:, 0, 1] == ends[:, 1, 1]]
+    for across, lines in ((0, upright), (1, level)):  # at every whole multiple of 0.1 m
+        first, last = np.ceil(10 * low[across]), np.floor(10 * high[across])
+        expected = 0.1 * np.arange(first, last + 1)
+        np.testing.assert_allclose(lines[:, 0, across], expected, atol=FLOAT32_M)
+        reach = np.sort(lines[:, :, 1 - across], axis=1)
+        np.testing.assert_allclose(
+            reach, [[low[1 - across], high[1 - across]]] * len(lines), atol=FLOAT32_M
+        )
     assert (ends[..., :2] >= low - FLOAT32_M).all()
     assert (ends[..., :2] <= high + FLOAT32_M).all()
     for name, points in (
@@ -257,6 +272,7 @@ def test_floor_and_reference_are_drawn_where_they_are(recording: Recording) -> N
         np.testing.assert_allclose(np.array(strip)[:, :2], points, atol=FLOAT32_M)
     marker = recording.values("/world/reference/marker", "Transform3D:translation")[:, 0]
     np.testing.assert_allclose(marker[:, :2], contact_run().ref_q[:, 0, :2], atol=FLOAT32_M)
+    assert not marker[:, 2].any()
     ((_, (ball,)),) = recording.entities["/world/reference/marker/ball"]["Ellipsoids3D:centers"]
     assert ball == pytest.approx([0.0, 0.0, 0.11])
 
@@ -266,6 +282,9 @@ def test_a_reference_of_the_trailer_that_ceases_or_jumps_is_cut() -> None:
     theta2 = np.array([0.0, 0.1, np.nan, 0.3, 0.4, 0.5 - np.pi, 0.6 - np.pi, 0.7 - np.pi])
     cut = [piece[:, 0].tolist() for piece in reference_pieces(points, theta2)]
     assert cut == [[0.0, 2.0], [6.0, 8.0], [10.0, 12.0, 14.0]]
+    # a quarter of a turn between samples is a jump
+    cut = [len(piece) for piece in reference_pieces(points[:5], np.array([0, 1.5, 3, 4.6, 6.1]))]
+    assert cut == [3, 2]
 
 
 def test_what_the_sensor_saw_is_plotted_against_the_truth(tmp_path: Path) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,6 +21,7 @@ from recordings import (
     views,
 )
 
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.results.trajectory import Trajectory
 
@@ -37,24 +38,6 @@ ERRORS = {
     "plots/angle_error": "angle errors [°]",
 }
 TRAILER_ERROR = {"plots/trailer_error": "position error of the trailer's COM [mm]"}
-
-
-@dataclass(frozen=True)
-class Logged:
-    """Rows of a run whose law logs signals, as the recorder needs them."""
-
-    rows_: Trajectory
-    signals: dict[str, np.ndarray]
-
-    def __getattr__(self, name: str) -> object:
-        return getattr(self.rows_, name)
-
-    def __len__(self) -> int:
-        return len(self.rows_)
-
-    def rows(self, start: int, stop: int) -> Logged:
-        cut = {name: values[start:stop] for name, values in self.signals.items()}
-        return Logged(self.rows_.rows(start, stop), cut)
 
 
 def plots(path: Path) -> dict[str, str]:
@@ -100,7 +83,7 @@ def test_signals_are_logged_and_shown_without_knowing_the_law(tmp_path: Path) ->
     run = contact_run()
     v = np.exp(-run.time_s)[:, None]
     tuned = np.where(run.time_s[:, None] < 1.0, np.nan, 2.0)  # undefined for the first second
-    logged = Logged(run, {"lyapunov_v": v, "gain [1/s]": tuned})
+    logged = replace(run, signals={"lyapunov_v": v, "gain [1/s]": tuned})
     path = record(tmp_path / "run.rrd", None, logged, cuts=(1, 40))
     read = Recording(path)
     entity = "/plots/signals/lyapunov_v"
@@ -117,7 +100,7 @@ def test_signals_are_logged_and_shown_without_knowing_the_law(tmp_path: Path) ->
 
 
 def test_a_law_that_logs_nothing_gets_no_tab(tmp_path: Path) -> None:
-    path = record(tmp_path / "run.rrd", None, Logged(contact_run(), {}))
+    path = record(tmp_path / "run.rrd", None, contact_run())
     assert plots(path) == MOTION
     assert not [name for name in Recording(path).entities if "signals" in name]
 
@@ -126,7 +109,7 @@ def test_rows_of_several_simulations_are_refused(tmp_path: Path) -> None:
     rows = Trajectory.empty(PERIOD_S * np.arange(3), nsim=2)
     with (
         recorder(tmp_path / "run.rrd", None) as recording,
-        pytest.raises(ValueError, match=r"got 2 simulations.*simulation\(index\)"),
+        pytest.raises(InputError, match=r"simulation: got none; the trajectory has 2 simulations"),
     ):
         recording.append(rows)
 

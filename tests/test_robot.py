@@ -12,7 +12,7 @@ import pytest
 import tomli_w
 from pydantic import ValidationError
 
-from ttwmr_mj.composite import tractor_chassis, trailer_chassis
+from ttwmr_mj.composite import tractor_chassis, trailer_chassis, wheel_inertia
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
@@ -39,6 +39,15 @@ def scenario(robot: dict[str, Any]) -> Scenario:
 def test_one_free_trailer_is_the_default() -> None:
     robot = RobotParameters()
     assert (robot.trailers, robot.hitches) == ((Trailer(),), (Hitch(),))
+
+
+def test_a_summary_is_the_first_sentence_of_the_description() -> None:
+    assert Tractor.summary() == (
+        "The differential-drive tractor (Table I), chassis, wheels and caster together"
+    )
+    assert Hitch.summary() == "A trailer's revolute joint, the first at P"
+    undescribed = type("Undescribed", (Tractor,), {"__doc__": None})
+    assert undescribed.summary() == ""
 
 
 def test_the_first_trailer_and_hitch_have_names_of_their_own() -> None:
@@ -100,7 +109,7 @@ def test_a_resolved_train_loads_back_and_its_first_trailer_can_be_set(tmp_path: 
     [
         ({**TABLES, "hitches": [{}]}, "robot.hitches: got 1; allowed: as many as there are tra"),
         ({"hitches": [{}, {}]}, "robot.hitches: got 2; allowed: as many as there are trailers, 1"),
-        ({"trailers": []}, "robot.trailers: got []; allowed: at least one"),
+        ({"trailers": []}, "robot.trailers: got []; allowed: at least 1 of them"),
         ({"trailers": [{}, {}], "hitches": [{}, {}]}, "robot.trailer.next_hitch_offset_m: missing"),
         ({"trailers": 3, "trailer": {}}, "robot.trailers: got 3"),
         ({"trailer": 3}, "robot.trailer: got 3"),
@@ -136,7 +145,7 @@ def test_the_schema_shows_both_forms() -> None:
     robot = schema["RobotParameters"]["properties"]
     assert robot["trailer"] == robot["trailers"]["items"] == {"$ref": "#/$defs/Trailer"}
     assert robot["hitch"] == robot["hitches"]["items"] == {"$ref": "#/$defs/Hitch"}
-    assert schema["Belief"]["properties"]["robot"]["$ref"] == "#/$defs/RobotParameters"
+    assert schema["BeliefOptions"]["properties"]["robot"]["$ref"] == "#/$defs/RobotParameters"
 
 
 @pytest.mark.parametrize("kind", ["contact", "analytic"])
@@ -194,6 +203,17 @@ def test_chassis_and_parts_make_the_whole() -> None:
     # the COM of the parts, weighed, is Table I's
     moment = chassis.mass_kg * chassis.x_m + 0.01 * robot.casters.tractor_position_m
     assert moment / robot.tractor.mass_kg == pytest.approx(robot.tractor.com_offset_m)
+    # and so is their inertia about it (Steiner): two wheels aside of P, the ball ahead of it
+    com, (_, wheel) = robot.tractor.com_offset_m, wheel_inertia(robot)
+    parts = [
+        chassis.yaw_inertia_kg_m2 + chassis.mass_kg * (chassis.x_m - com) ** 2,
+        2 * (wheel + 0.03 * (com**2 + 0.0595**2)),
+        0.4 * 0.01 * 0.008**2 + 0.01 * (0.075 - com) ** 2,
+    ]
+    assert sum(parts) == pytest.approx(robot.tractor.yaw_inertia_kg_m2)
+    # a solid cylinder of 0.03 kg, r = 26 mm, 12 mm wide
+    assert wheel == pytest.approx(0.03 * (3 * 0.026**2 + 0.012**2) / 12)
+    assert wheel_inertia(robot)[0] == pytest.approx(0.5 * 0.03 * 0.026**2)
 
 
 def test_a_state_is_as_wide_as_the_robot_is_long() -> None:

@@ -279,6 +279,16 @@ def test_the_schema_describes_every_shipped_key() -> None:
     assert {"Tractor", "Servo", "Circle", "ContactOptions"} <= set(schema["$defs"])
 
 
+def test_an_editor_can_say_what_each_key_of_these_tables_does() -> None:
+    schema = Scenario.model_json_schema()
+    tables = """Tractor Trailer Hitch Servo Casters RobotParameters AtRest OnReference
+        AnalyticOptions PushOptions PlantOptions ControlOptions OutputOptions BeliefOptions"""
+    for table in (schema, *(schema["$defs"][name] for name in tables.split())):
+        assert table["description"]
+        for key, entry in table["properties"].items():
+            assert key == "kind" or "$ref" in entry or entry["description"], key
+
+
 @pytest.mark.parametrize("damage", ["no notes", "no numbers", "a column less", "times fall", "nan"])
 def test_a_damaged_plan_is_refused(damage: str, tmp_path: Path) -> None:
     data = Path(__file__).parent.parent / "ttwmr_mj" / "references" / "data"

@@ -14,12 +14,19 @@ from ttwmr_mj.robot import RobotParameters
 
 @dataclass(frozen=True, slots=True)
 class Lump:
-    """A rigid part seen from above: mass, position of its COM on the long axis, yaw inertia."""
+    """A rigid part seen from above.
+
+    Attributes:
+        mass_kg: its mass.
+        x_m: of its COM, along the long axis.
+        yaw_inertia_kg_m2: about its own COM.
+        aside_m: distance of its COM from that axis.
+    """
 
     mass_kg: float
     x_m: float
-    y_m: float
     yaw_inertia_kg_m2: float
+    aside_m: float = 0.0
 
 
 def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:
@@ -59,7 +66,7 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
     x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
     inertia = whole.yaw_inertia_kg_m2 - mass * (x - whole.x_m) ** 2
     for part in parts:
-        lever_squared = (part.x_m - whole.x_m) ** 2 + part.y_m**2
+        lever_squared = (part.x_m - whole.x_m) ** 2 + part.aside_m**2
         inertia -= part.yaw_inertia_kg_m2 + part.mass_kg * lever_squared
     if inertia <= 0:
         needed = whole.yaw_inertia_kg_m2 - inertia
@@ -69,29 +76,24 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
             got=f"{whole.yaw_inertia_kg_m2:g}",
             allowed="more than that, or lighter wheels and casters",
         )
-    return Lump(mass, x, 0.0, inertia)
+    return Lump(mass, x, inertia)
 
 
 def tractor_chassis(robot: RobotParameters) -> Lump:
     """Chassis of the tractor without wheels and caster."""
     tractor, casters = robot.tractor, robot.casters
     _, diametral = wheel_inertia(robot)
-    parts = [
-        Lump(tractor.wheel_mass_kg, 0.0, -robot.half_track_m, diametral),
-        Lump(tractor.wheel_mass_kg, 0.0, robot.half_track_m, diametral),
-        Lump(casters.mass_kg, casters.tractor_position_m, 0.0, ball_inertia(robot)),
-    ]
-    whole = Lump(tractor.mass_kg, tractor.com_offset_m, 0.0, tractor.yaw_inertia_kg_m2)
-    return chassis_remainder(whole, parts, "robot.tractor")
+    wheel = Lump(tractor.wheel_mass_kg, 0.0, diametral, robot.half_track_m)
+    caster = Lump(casters.mass_kg, casters.tractor_position_m, ball_inertia(robot))
+    whole = Lump(tractor.mass_kg, tractor.com_offset_m, tractor.yaw_inertia_kg_m2)
+    return chassis_remainder(whole, [wheel, wheel, caster], "robot.tractor")
 
 
 def trailer_chassis(robot: RobotParameters, index: int = 0) -> Lump:
     """Chassis of a trailer (0: the first) without its two casters; x from its hitch."""
     trailer, casters = robot.trailers[index], robot.casters
     x = -trailer.com_offset_m
-    parts = [
-        Lump(casters.mass_kg, x, side * casters.trailer_half_spacing_m, ball_inertia(robot))
-        for side in (-1.0, 1.0)
-    ]
-    whole = Lump(trailer.mass_kg, x, 0.0, trailer.yaw_inertia_kg_m2)
-    return chassis_remainder(whole, parts, f"robot.trailers.{index}" if index else "robot.trailer")
+    caster = Lump(casters.mass_kg, x, ball_inertia(robot), casters.trailer_half_spacing_m)
+    whole = Lump(trailer.mass_kg, x, trailer.yaw_inertia_kg_m2)
+    table = f"robot.trailers.{index}" if index else "robot.trailer"
+    return chassis_remainder(whole, [caster, caster], table)

@@ -16,8 +16,6 @@ from pydantic import (
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
     ValidationError,
-    ValidationInfo,
-    field_validator,
     model_serializer,
     model_validator,
 )
@@ -41,33 +39,38 @@ class Config(BaseModel):
 class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""
 
-    mass_kg: float = Field(default=0.9, gt=0, le=1e3, description="m1, Table I")
+    mass_kg: float = Field(default=0.9, gt=0, le=1e3, description="m1: the whole tractor, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.0035, gt=0, le=1e3, description="J1 about the tractor's own COM, Table I"
     )
     com_offset_m: float = Field(
         default=0.029, gt=0, le=10, description="a1: from P forward to the COM, Table I"
     )
-    wheel_radius_m: float = Field(default=0.026, gt=0, le=1, description="r, Table I")
+    wheel_radius_m: float = Field(
+        default=0.026, gt=0, le=1, description="r: radius of the wheels, Table I"
+    )
     track_width_m: float = Field(
         default=0.119, gt=0, le=10, description="2b: distance between the wheels, Table I"
     )
     wheel_mass_kg: float = Field(
-        default=0.03, gt=0, le=100, description="of one wheel; part of m1 (assumed: 52 mm wheel)"
+        default=0.03,
+        gt=0,
+        le=100,
+        description="of one wheel, part of m1 (assumed)",
     )
     wheel_half_width_m: float = Field(
-        default=0.006, gt=0, le=1, description="half width of a wheel's tyre (assumed)"
+        default=0.006, gt=0, le=1, description="half the width of a tyre (assumed)"
     )
     wheel_shape: Literal["ellipsoid", "cylinder"] = Field(
         default="ellipsoid",
-        description="an ellipsoid touches in a point, a cylinder along a line that scrubs",
+        description="an ellipsoid touches at a point, a cylinder along a line that scrubs",
     )
 
 
 class Trailer(Config):
     """A trailer (Table I), with its two spherical wheels."""
 
-    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2, Table I")
+    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2: the whole trailer, Table I")
     yaw_inertia_kg_m2: float = Field(
         default=0.00078, gt=0, le=1e3, description="J2 about the trailer's own COM, Table I"
     )
@@ -99,13 +102,22 @@ class Hitch(Config):
     """
 
     stiffness_n_m_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="k_t: torque per hitch angle, at rest when aligned"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="k_t: torsion spring, at rest when aligned",
     )
     damping_n_m_s_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="c_t: damper and viscous friction together"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="c_t: damper and viscous friction; typically 0.001",
     )
     coulomb_friction_n_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="dry friction torque, whatever the rate"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="dry friction, whatever the rate; typically 0.001",
     )
 
 
@@ -126,9 +138,15 @@ class Servo(Config):
     preset: Literal["lab", "fast"] = Field(
         default="lab", description="lab: 6.5 rad/s; fast: 40 rad/s, for the simulated circle"
     )
-    stall_torque_n_m: float = Field(default=1.62, gt=0, le=1e3, description="Section 4")
-    speed_limit_rad_s: float = Field(default=6.5, gt=0, le=1e3)
-    acceleration_limit_rad_s2: float = Field(default=50.0, gt=0, le=1e5)
+    stall_torque_n_m: float = Field(
+        default=1.62, gt=0, le=1e3, description="largest torque, Section 4 (stall)"
+    )
+    speed_limit_rad_s: float = Field(
+        default=6.5, gt=0, le=1e3, description="fastest wheel; default: the preset's"
+    )
+    acceleration_limit_rad_s2: float = Field(
+        default=50.0, gt=0, le=1e5, description="ramp of the set speed; default: the preset's"
+    )
     velocity_gain_n_m_s_rad: float = Field(
         default=10.0, gt=0, le=1e4, description="torque per rad/s of speed error, up to stall"
     )
@@ -147,18 +165,18 @@ class Servo(Config):
 class Casters(Config):
     """The spherical wheels: one under the tractor's nose, two under the trailer."""
 
-    radius_m: float = Field(default=0.008, gt=0, le=1)
+    radius_m: float = Field(default=0.008, gt=0, le=1, description="of one ball")
     mass_kg: float = Field(
         default=0.001, gt=0, le=10, description="of one ball; part of its body's mass"
     )
     rolling_resistance_m: float = Field(
-        default=0.0, ge=0, le=0.1, description="resisting torque per normal force"
+        default=0.0, ge=0, le=0.1, description="resisting torque per normal force; typically 1e-4"
     )
     tractor_position_m: float = Field(
         default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
     )
     trailer_half_spacing_m: float = Field(
-        default=0.05, gt=0, le=10, description="of the trailer's casters, under its COM"
+        default=0.05, gt=0, le=10, description="from the trailer's axis to each of its casters"
     )
 
 
@@ -173,7 +191,9 @@ class RobotParameters(Config):
 
     tractor: Tractor = Tractor()
     trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
-        default=(Trailer(),), description="front to back; [robot.trailer] is the first"
+        default=(Trailer(),),
+        min_length=1,
+        description="front to back; [robot.trailer] is the first",
     )
     hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
         default=(Hitch(),), description="one in front of each trailer; [robot.hitch] is the first"
@@ -181,7 +201,7 @@ class RobotParameters(Config):
     servo: Servo = Servo()
     casters: Casters = Casters()
 
-    if TYPE_CHECKING:
+    if TYPE_CHECKING:  # pydantic's own knows no `trailer` and `hitch`
 
         def __init__(
             self,
@@ -243,25 +263,15 @@ class RobotParameters(Config):
     def _fold_first(cls, given: Any) -> Any:
         return _as_lists(given) if isinstance(given, dict) else given
 
-    @field_validator("trailers")
-    @classmethod
-    def _no_gap(cls, trailers: tuple[Trailer, ...]) -> tuple[Trailer, ...]:
-        if not trailers:
-            raise _refused((), [], "at least one")
-        for i, trailer in enumerate(trailers[:-1]):
+    @model_validator(mode="after")
+    def _hangs_together(self) -> Self:
+        for i, trailer in enumerate(self.trailers[:-1]):
             if trailer.next_hitch_offset_m is None:
-                raise _refused((i, "next_hitch_offset_m"), None)
-        return trailers
-
-    @field_validator("hitches")
-    @classmethod
-    def _one_for_each_trailer(
-        cls, hitches: tuple[Hitch, ...], info: ValidationInfo
-    ) -> tuple[Hitch, ...]:
-        trailers = info.data.get("trailers", hitches)  # missing where they are refused
-        if len(hitches) != len(trailers):
-            raise _refused((), len(hitches), f"as many as there are trailers, {len(trailers)}")
-        return hitches
+                raise _refused(("trailers", i, "next_hitch_offset_m"), None)
+        if len(self.hitches) != (count := len(self.trailers)):
+            allowed = f"as many as there are trailers, {count}"
+            raise _refused(("hitches",), len(self.hitches), allowed)
+        return self
 
     @model_serializer(mode="wrap")
     def _unfold_first(self, dump: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -311,7 +321,7 @@ def _merged(under: Any, over: Any) -> Any:
 
 
 def _refused(place: tuple[str | int, ...], got: Any, allowed: str = "") -> ValidationError:
-    """An error at a place within the value that a validator looks at; nothing allowed: missing."""
+    """An error at a place in the robot; with nothing allowed: the value is missing."""
     custom = PydanticCustomError("robot", "{allowed}", {"allowed": allowed})
     kind = custom if allowed else "missing"
     return ValidationError.from_exception_data(

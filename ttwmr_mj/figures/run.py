@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from ttwmr_mj.figures import style
 from ttwmr_mj.figures.canvas import legend_below, stacked, time_axes, write_figures
-from ttwmr_mj.results.curves import Curves, single
+from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -37,16 +37,14 @@ def write_run_figures(
         The files written, NAME.png (150 dpi) and NAME.svg for each figure.
 
     Raises:
-        ValueError: the trajectory is of several simulations.
+        InputError: the trajectory is of several simulations.
         OSError: the folder or a file cannot be written.
     """
-    curves = Curves.of(single(trajectory), robot)
-    drawings = {
-        name: partial(draw, run=trajectory, curves=curves) for name, draw in FIGURES.items()
-    }
-    signals: Mapping[str, FloatArray] = getattr(trajectory, "signals", {})
-    if signals:
-        drawings["signals"] = partial(_draw_signals, time_s=trajectory.time_s, signals=signals)
+    run = trajectory.simulation()
+    curves = Curves.of(run, robot)
+    drawings = {name: partial(draw, run=run, curves=curves) for name, draw in FIGURES.items()}
+    if run.signals:
+        drawings["signals"] = partial(_draw_signals, run=run)
     return write_figures(drawings, folder, title)
 
 
@@ -103,8 +101,7 @@ def _draw_errors(figure: Figure, run: Trajectory, curves: Curves) -> None:
     if not panels:
         figure.text(0.5, 0.5, "the run has no reference", ha="center", va="center")
         return
-    figure.set_size_inches(style.SIZE_IN[0], _height_in(len(panels)))
-    stacked(figure, run.time_s, panels)
+    _stacked(figure, run, panels)
 
 
 def _draw_hitch_angle(figure: Figure, run: Trajectory, curves: Curves) -> None:
@@ -112,10 +109,9 @@ def _draw_hitch_angle(figure: Figure, run: Trajectory, curves: Curves) -> None:
     axes.plot(run.time_s, np.degrees(curves.hitch_angle_rad[:, 0]), color=style.TRAILER)
 
 
-def _draw_signals(figure: Figure, time_s: FloatArray, signals: Mapping[str, FloatArray]) -> None:
-    figure.set_size_inches(style.SIZE_IN[0], _height_in(len(signals)))
-    panels = [(name, values[:, 0], style.TRACTOR) for name, values in signals.items()]
-    stacked(figure, time_s, panels)
+def _draw_signals(figure: Figure, run: Trajectory) -> None:
+    panels = [(name, values[:, 0], style.TRACTOR) for name, values in run.signals.items()]
+    _stacked(figure, run, panels)
 
 
 FIGURES: dict[str, Callable[..., None]] = {
@@ -130,9 +126,10 @@ FIGURES: dict[str, Callable[..., None]] = {
 }
 
 
-def _height_in(panels: int) -> float:
-    """Height of a figure with so many panels, one below the other."""
-    return 0.6 + 1.4 * panels
+def _stacked(figure: Figure, run: Trajectory, panels: list[tuple[str, FloatArray, str]]) -> None:
+    """Curves one below the other, in a figure as high as they need."""
+    figure.set_size_inches(style.SIZE_IN[0], 0.6 + 1.4 * len(panels))
+    stacked(figure, run.time_s, panels)
 
 
 def _defined(values: FloatArray) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -96,19 +95,13 @@ class Plots:
         self._series = SeriesLog(stream)
         self._flags = {name: StateLog(stream, f"flags/{name}", YES_NO) for name in FLAGS}
 
-    def append(self, rows: Trajectory, curves: Curves, signals: Mapping[str, FloatArray]) -> None:
-        """Log the next rows of the run.
-
-        Args:
-            rows: n rows of one simulation.
-            curves: of the same rows.
-            signals: name → values (n, 1) of what the control law logged at the same rows.
-        """
+    def append(self, rows: Trajectory, curves: Curves) -> None:
+        """Log the next rows of the run, of one simulation, and the curves of the same rows."""
         for plot, series in _values(rows, curves).items():
             for name, values in series.items():
                 look = PLOTS[plot].series[name]
                 self._series.append(f"plots/{plot}/{name}", look, rows.time_s, values)
-        for name, values in signals.items():
+        for name, values in rows.signals.items():
             look = Series((name,), (style.TRACTOR,))
             self._series.append(signal_path(name), look, rows.time_s, values)
         for name, flag in self._flags.items():
@@ -129,10 +122,10 @@ def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]
         for i, plot in enumerate(("x", "y", "theta1", "theta2"))
     }
     degrees = np.degrees(curves.theta_error_rad[:, 0])
-    values["tractor_error"] = {"true": 1e3 * curves.tractor_error_m[:, :1]}
-    values["trailer_error"] = {"true": 1e3 * curves.trailer_error_m[:, :1]}
+    values["tractor_error"] = {"true": 1e3 * curves.tractor_error_m}
+    values["trailer_error"] = {"true": 1e3 * curves.trailer_error_m}
     values["angle_error"] = {"theta1": degrees[:, [0]], "theta2": degrees[:, [1]]}
-    values["hitch_angle"] = {"true": np.degrees(curves.hitch_angle_rad[:, :1])}
+    values["hitch_angle"] = {"true": np.degrees(curves.hitch_angle_rad)}
     values["wheel_speed"] = {
         "true": rows.wheel_speed_rad_s[:, 0],
         "command": rows.wheel_command_rad_s[:, 0],
@@ -141,5 +134,5 @@ def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]
     values["estimate_error"] = {"seen": 1e3 * np.hypot(*(seen - q)[:, :2].T)[:, None]}
     values["estimate_angle_error"] = {"theta1": 1e3 * miss[:, [0]], "theta2": 1e3 * miss[:, [1]]}
     aged = np.where(np.isfinite(seen[:, :1]), 1e3 * rows.measurement_age_s, np.nan)
-    values["measurement_age"] = {"seen": aged[:, :1]}
+    values["measurement_age"] = {"seen": aged}
     return values

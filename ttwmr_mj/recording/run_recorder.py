@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,10 +16,9 @@ from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, floor_corners
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.results.curves import Curves, single
+from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
@@ -79,25 +78,21 @@ class RunRecorder(RrdFile):
         Every signal of the control law gets a plot.
 
         Raises:
-            ValueError: the rows are of several simulations, or the recording is closed.
+            InputError: the rows are of several simulations.
+            ValueError: the recording is closed.
         """
         self._check_open()
-        alive = np.isfinite(single(rows).q[:, 0]).all(axis=1)
+        alive = np.isfinite(rows.simulation().q[:, 0]).all(axis=1)
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         if not len(rows):
             return
         curves = Curves.of(rows, self._robot)
         self._scene.append(rows, curves)
-        signals: Mapping[str, FloatArray] = getattr(rows, "signals", {})
-        self._show(tuple(signals))
-        self._plots.append(rows, curves, signals)
-        self._stream.flush()
-
-    def _show(self, signals: tuple[str, ...]) -> None:
-        """Give new signals their plots; the layout was sent before the law said what it logs."""
-        if signals != self._signals:
-            self._signals = signals
+        if (signals := tuple(rows.signals)) != self._signals:
+            self._signals = signals  # the layout was sent before the law said what it logs
             self._stream.send_blueprint(self._layout(signals=signals))
+        self._plots.append(rows, curves)
+        self._stream.flush()
 
     def append_camera(
         self, camera: CameraModel, layout: LabelLayout, records: Sequence[CameraRecord]

@@ -64,26 +64,73 @@ class Scene:
         self._last_points: dict[str, FloatArray] = {}
         if root == WORLD:
             stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        _log_robot(stream, model, root)
-        marker = rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002])
-        stream.log(f"{root}/tractor/P", marker, static=True)
+        self._draw_robot(model)
+        self._draw("tractor/P", rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]))
         if floor_m is not None:
-            _log_floor(stream, floor_m, root)
+            self._draw_floor(floor_m)
         if reference is not None:
-            _log_reference(stream, reference, robot, root)
+            self._draw_reference(reference, robot)
         for path, colour in zip(driven_paths(root), (style.TRACTOR, style.TRAILER), strict=True):
             line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
             stream.log(path, line, static=True)
         arrow = rr.Arrows3D.from_fields(colors=[style.FORCE], radii=[0.002])
-        stream.log(f"{root}/contact_forces", arrow, static=True)
+        self._draw("contact_forces", arrow)
+
+    def _draw(self, name: str, shape: rr.AsComponents) -> None:
+        """Log what is the same at all times."""
+        self._stream.log(f"{self._root}/{name}", shape, static=True)
+
+    def _draw_robot(self, model: mujoco.MjModel) -> None:
+        """The model's visual geoms in the frames of their bodies."""
+        for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
+            if (shape := _shape(model, i)) is not None:
+                body = _body_path(self._root, model, model.geom_bodyid[i])
+                path = f"{body}/{model.geom(i).name or f'geom_{i}'}"
+                self._stream.log(path, shape, static=True)
+
+    def _draw_floor(self, corners_m: FloatArray) -> None:
+        """A thin plate with a line every `GRID_M`, its top at z = 0."""
+        low, high = corners_m
+        plate = rr.Boxes3D(
+            mins=[[*low, -0.01]],
+            sizes=[[*(high - low), 0.01]],
+            colors=[style.FLOOR],
+            fill_mode="solid",
+        )
+        xs, ys = (np.arange(np.ceil(low[i] / GRID_M), high[i] / GRID_M) * GRID_M for i in range(2))
+        lines = [[(x, low[1]), (x, high[1])] for x in xs] + [
+            [(low[0], y), (high[0], y)] for y in ys
+        ]
+        grid = rr.LineStrips3D(
+            [_lift(np.array(line), GRID_HEIGHT_M) for line in lines],
+            colors=[style.GRID],
+            radii=rr.Radius.ui_points([0.5]),
+        )
+        self._draw("floor", plate)
+        self._draw("floor/grid", grid)
+
+    def _draw_reference(self, reference: ReferencePath, robot: RobotParameters) -> None:
+        """The whole reference, P as a line and the trailer's COM as a thinner one; P's marker."""
+        q = reference.q[:, 0]
+        trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
+        for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
+            if pieces:
+                line = rr.LineStrips3D(
+                    [_lift(piece, REFERENCE_HEIGHT_M) for piece in pieces],
+                    colors=[style.REFERENCE],
+                    radii=rr.Radius.ui_points([width]),
+                )
+                self._draw(f"reference/{name}", line)
+        top = [0.0, 0.0, MARKER_HEIGHT_M]  # a pole with a ball on it, seen over the robot
+        pole = rr.LineStrips3D([[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[0.0012])
+        ball = rr.Ellipsoids3D(
+            centers=[top], radii=[0.007], colors=[style.REFERENCE], fill_mode="solid"
+        )
+        self._draw("reference/marker/pole", pole)
+        self._draw("reference/marker/ball", ball)
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
-        """Log the next rows of the run.
-
-        Args:
-            rows: n rows of one simulation.
-            curves: of the same rows.
-        """
+        """Log the next rows of the run, of one simulation, and the curves of the same rows."""
         now = time_column(rows.time_s)
         position, quaternion = self._poses.at(rows)
         for i, body in enumerate(self._bodies, start=1):
@@ -126,17 +173,6 @@ class Scene:
         self._stream.send_columns(path, [now], arrows.partition(counts))
 
 
-def _log_robot(stream: rr.RecordingStream, model: mujoco.MjModel, root: str) -> None:
-    """Log the model's visual geoms in the frames of their bodies."""
-    for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
-        shape = _shape(model, i)
-        if shape is not None:
-            name = model.geom(i).name or f"geom_{i}"
-            stream.log(
-                f"{_body_path(root, model, model.geom_bodyid[i])}/{name}", shape, static=True
-            )
-
-
 def _shape(
     model: mujoco.MjModel, geom: int
 ) -> rr.Boxes3D | rr.Cylinders3D | rr.Ellipsoids3D | None:
@@ -167,46 +203,6 @@ def floor_corners(reference: ReferencePath | None) -> FloatArray:
         low = np.minimum(low, path.min(axis=0) - FLOOR_MARGIN_M)
         high = np.maximum(high, path.max(axis=0) + FLOOR_MARGIN_M)
     return np.stack([low, high])
-
-
-def _log_floor(stream: rr.RecordingStream, corners_m: FloatArray, root: str) -> None:
-    """A thin plate with a line every `GRID_M`, its top at z = 0."""
-    low, high = corners_m
-    plate = rr.Boxes3D(
-        mins=[[*low, -0.01]], sizes=[[*(high - low), 0.01]], colors=[style.FLOOR], fill_mode="solid"
-    )
-    xs, ys = (np.arange(np.ceil(low[i] / GRID_M), high[i] / GRID_M) * GRID_M for i in range(2))
-    lines = [[(x, low[1]), (x, high[1])] for x in xs] + [[(low[0], y), (high[0], y)] for y in ys]
-    grid = rr.LineStrips3D(
-        [_lift(np.array(line), GRID_HEIGHT_M) for line in lines],
-        colors=[style.GRID],
-        radii=rr.Radius.ui_points([0.5]),
-    )
-    stream.log(f"{root}/floor", plate, static=True)
-    stream.log(f"{root}/floor/grid", grid, static=True)
-
-
-def _log_reference(
-    stream: rr.RecordingStream, reference: ReferencePath, robot: RobotParameters, root: str
-) -> None:
-    """The whole reference, P as a line and the trailer's COM as a thinner one; P's marker."""
-    q = reference.q[:, 0]
-    trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
-    for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
-        if pieces:
-            line = rr.LineStrips3D(
-                [_lift(piece, REFERENCE_HEIGHT_M) for piece in pieces],
-                colors=[style.REFERENCE],
-                radii=rr.Radius.ui_points([width]),
-            )
-            stream.log(f"{root}/reference/{name}", line, static=True)
-    top = [0.0, 0.0, MARKER_HEIGHT_M]  # a pole with a ball on it, seen over the robot
-    pole = rr.LineStrips3D([[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[0.0012])
-    ball = rr.Ellipsoids3D(
-        centers=[top], radii=[0.007], colors=[style.REFERENCE], fill_mode="solid"
-    )
-    stream.log(f"{root}/reference/marker/pole", pole, static=True)
-    stream.log(f"{root}/reference/marker/ball", ball, static=True)
 
 
 def reference_pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:

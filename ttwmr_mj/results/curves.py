@@ -26,6 +26,8 @@ class Curves:
             reference.
         tractor_error_m: (n, nsim) distance of P from its reference.
         trailer_error_m: (n, nsim) distance of that COM from its reference.
+        oscillation_error_m: (n, nsim) distance of the first trailer's centre of oscillation,
+            P − K·(cos θ2, sin θ2), from its reference.
         theta_error_rad: (n, nsim, 1 + trailers) θ1, θ2, … minus their references, in [−π, π).
         hitch_angle_rad: (n, nsim) θ2 − θ1.
     """
@@ -34,32 +36,25 @@ class Curves:
     ref_trailer_com_m: FloatArray
     tractor_error_m: FloatArray
     trailer_error_m: FloatArray
+    oscillation_error_m: FloatArray
     theta_error_rad: FloatArray
     hitch_angle_rad: FloatArray
 
     @classmethod
     def of(cls, rows: Trajectory, robot: RobotParameters) -> Curves:
-        """The curves of these rows."""
+        """What follows from these rows."""
         com, ref_com = trailer_com(rows.q, robot), trailer_com(rows.ref_q, robot)
         return cls(
             trailer_com_m=com,
             ref_trailer_com_m=ref_com,
             tractor_error_m=_distance(rows.q[..., :2], rows.ref_q[..., :2]),
             trailer_error_m=_distance(com, ref_com),
+            oscillation_error_m=_distance(
+                *(point_behind(q, robot.swing_length_m) for q in (rows.q, rows.ref_q))
+            ),
             theta_error_rad=wrap(rows.q[..., THETA1:] - rows.ref_q[..., THETA1:]),
             hitch_angle_rad=hitch_angles(rows.q)[..., 0],
         )
-
-
-def single(rows: Trajectory) -> Trajectory:
-    """The same rows, which must be of one simulation: who reads one of several names it.
-
-    Raises:
-        ValueError: they are of several, or of none.
-    """
-    if rows.nsim != 1:
-        raise ValueError(f"got {rows.nsim} simulations, allowed: 1; pick one: simulation(index)")
-    return rows
 
 
 def _distance(a: FloatArray, b: FloatArray) -> FloatArray:

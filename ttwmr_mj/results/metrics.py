@@ -1,19 +1,19 @@
 """From a trajectory to numbers: SI units in the names, null where a number is undefined.
 
-`tractor_*` looks at P against its reference; `trailer_*` at the trailer's COM against
-P_ref − l·(cos θ2_ref, sin θ2_ref); `centre_of_oscillation_*` at P − k·(cos θ2, sin θ2) against the
-same of the reference. Names without a prefix of their own cover the whole run; `steady_*` covers
-the second half of the time. Angle errors are taken on the circle, in [−π, π): a trailer that has
-spun once around points where it pointed before.
+Names without a prefix of their own cover the whole run; `steady_*` covers the second half of the
+time. Angle errors are taken on the circle, in [−π, π): a trailer that has spun once around points
+where it pointed before.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
@@ -23,8 +23,130 @@ SETTLED_M = 0.01  # a run has settled when P stays this close to its reference u
 Metrics = dict[str, float | None]
 
 
+def _value(number: float) -> float | None:
+    return float(number) if math.isfinite(number) else None
+
+
+def _rms(values: FloatArray, _: FloatArray) -> float | None:
+    defined = values[np.isfinite(values)]
+    return _value(np.sqrt(np.mean(defined**2))) if defined.size else None
+
+
+def _max(values: FloatArray, _: FloatArray) -> float | None:
+    defined = values[np.isfinite(values)]
+    return _value(defined.max()) if defined.size else None
+
+
+def _final(values: FloatArray, _: FloatArray) -> float | None:
+    return _value(values[-1])
+
+
+def _share(values: FloatArray, _: FloatArray) -> float | None:
+    return float(values.mean())
+
+
+def _integral(values: FloatArray, time_s: FloatArray) -> float | None:
+    defined = np.isfinite(values)
+    if not defined.any():
+        return None
+    return _value(float(np.trapezoid(values[defined], time_s[defined])))
+
+
+def _settling_time(error: FloatArray, time_s: FloatArray) -> float | None:
+    """First time after which the error stays below SETTLED_M; None if the run ends outside it."""
+    if not np.isfinite(error).all() or error[-1] > SETTLED_M:
+        return None
+    outside = np.flatnonzero(error > SETTLED_M)
+    return float(time_s[outside[-1] + 1]) if outside.size else float(time_s[0])
+
+
+class Metric(NamedTuple):
+    """A number that sums up a run: the function of values (n,) and times (n,), and which values."""
+
+    sum_up: Callable[[FloatArray, FloatArray], float | None]
+    of: str
+
+    @property
+    def meaning(self) -> str:
+        """In words."""
+        return f"{WORDS[self.sum_up]} {QUANTITIES[self.of]}"
+
+
+WORDS = {
+    _rms: "rms",
+    _max: "largest",
+    _final: "final",
+    _share: "share of samples",
+    _integral: "integral over time of the",
+    _settling_time: f"time after which this stays within {SETTLED_M:g} m:",
+}
+QUANTITIES = {
+    "tractor": "distance of P from its reference",
+    "tractor_t": "distance of P from its reference times t",
+    "trailer": "distance of the trailer's COM, l behind P, from its reference",
+    "oscillation": "distance of the centre of oscillation, K behind P, from its reference",
+    "theta1": "error of θ1",
+    "theta2": "error of θ2",
+    "wheel_speed": "speed of a wheel",
+    "command_squared": "sum ω_r² + ω_l² of the commands [rad²/s]",
+    "saturated": "whose command was cut to the servo's range",
+    "near_singular": "near the singularity of the map from accelerations to wheels",
+    "seen_position": "distance of P as the controller saw it from the truth",
+    "seen_theta1": "error of θ1 as the controller saw it",
+    "seen_theta2": "error of θ2 as the controller saw it",
+    "blind": "at which the sensor was blind",
+}
+_TRACKING = {
+    "tractor_rmse_m": Metric(_rms, "tractor"),
+    "tractor_max_error_m": Metric(_max, "tractor"),
+    "tractor_final_error_m": Metric(_final, "tractor"),
+    "trailer_rmse_m": Metric(_rms, "trailer"),
+    "trailer_max_error_m": Metric(_max, "trailer"),
+    "centre_of_oscillation_rmse_m": Metric(_rms, "oscillation"),
+    "theta1_rmse_rad": Metric(_rms, "theta1"),
+    "theta2_rmse_rad": Metric(_rms, "theta2"),
+}
+METRICS = {
+    **_TRACKING,
+    **{f"steady_{name}": m for name, m in _TRACKING.items() if m.sum_up is not _final},
+    "iae_m_s": Metric(_integral, "tractor"),
+    "itae_m_s2": Metric(_integral, "tractor_t"),
+    "settling_time_s": Metric(_settling_time, "tractor"),
+    "wheel_speed_max_rad_s": Metric(_max, "wheel_speed"),
+    "control_effort": Metric(_integral, "command_squared"),
+    "saturated_share": Metric(_share, "saturated"),
+    "near_singular_share": Metric(_share, "near_singular"),
+    "estimator_position_rmse_m": Metric(_rms, "seen_position"),
+    "estimator_theta1_rmse_rad": Metric(_rms, "seen_theta1"),
+    "estimator_theta2_rmse_rad": Metric(_rms, "seen_theta2"),
+    "blind_share": Metric(_share, "blind"),
+}
+
+
+def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
+    """QUANTITIES (n,) of a batch of one."""
+    curves, seen = Curves.of(rows, robot), rows.est_q - rows.q
+    batch = {
+        "tractor": curves.tractor_error_m,
+        "tractor_t": curves.tractor_error_m * rows.time_s[:, None],
+        "trailer": curves.trailer_error_m,
+        "oscillation": curves.oscillation_error_m,
+        "theta1": curves.theta_error_rad[..., 0],
+        "theta2": curves.theta_error_rad[..., 1],
+        "wheel_speed": np.abs(rows.wheel_speed_rad_s).max(axis=-1),
+        "command_squared": (rows.wheel_command_rad_s**2).sum(axis=-1),
+        "saturated": rows.saturated,
+        "near_singular": rows.near_singular,
+        "seen_position": np.hypot(seen[..., 0], seen[..., 1]),
+        "seen_theta1": wrap(seen[..., 2]),
+        "seen_theta2": wrap(seen[..., 3]),
+        "blind": ~rows.est_valid,
+    }
+    return {name: values[:, 0] for name, values in batch.items()}
+
+
 def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:
-    """All metrics of every simulation, in order; a value is None where it is undefined.
+    """All METRICS of every simulation, in order; a value is None where it is undefined.
 
     Undefined are: errors against a reference that does not exist, settling that never happens, and
     everything of a run without a single finite row.
@@ -32,96 +154,12 @@ def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]
     return tuple(_score(trajectory.simulation(i), robot) for i in range(trajectory.nsim))
 
 
-def _score(trajectory: Trajectory, robot: RobotParameters) -> Metrics:
+def _score(rows: Trajectory, robot: RobotParameters) -> Metrics:
     """All metrics of a batch of one."""
-    time = trajectory.time_s
-    q, ref = trajectory.q[:, 0], trajectory.ref_q[:, 0]
-    error = np.hypot(*(q - ref)[:, :2].T)
-    trailer = _distance(q, ref, robot.trailer.com_offset_m)
-    oscillation = _distance(q, ref, robot.swing_length_m)
-    angle = wrap((q - ref)[:, 2:])
-    half = time >= 0.5 * time[-1]
-    metrics: Metrics = {
-        "tractor_rmse_m": _rms(error),
-        "tractor_max_error_m": _max(error),
-        "tractor_final_error_m": _value(error[-1]),
-        "trailer_rmse_m": _rms(trailer),
-        "trailer_max_error_m": _max(trailer),
-        "centre_of_oscillation_rmse_m": _rms(oscillation),
-        "theta1_rmse_rad": _rms(angle[:, 0]),
-        "theta2_rmse_rad": _rms(angle[:, 1]),
-    }
-    metrics |= {
-        "steady_tractor_rmse_m": _rms(error[half]),
-        "steady_tractor_max_error_m": _max(error[half]),
-        "steady_trailer_rmse_m": _rms(trailer[half]),
-        "steady_trailer_max_error_m": _max(trailer[half]),
-        "steady_centre_of_oscillation_rmse_m": _rms(oscillation[half]),
-        "steady_theta1_rmse_rad": _rms(angle[half, 0]),
-        "steady_theta2_rmse_rad": _rms(angle[half, 1]),
-        "iae_m_s": _integral(error, time),
-        "itae_m_s2": _integral(error * time, time),
-        "settling_time_s": _settling_time(error, time),
-    }
-    return metrics | _effort(trajectory) | _estimation(trajectory)
-
-
-def _effort(trajectory: Trajectory) -> Metrics:
-    """What the wheels were asked for, and how often it had to be cut."""
-    command, time = trajectory.wheel_command_rad_s[:, 0], trajectory.time_s
-    squared = (command**2).sum(axis=1)
-    return {
-        "wheel_speed_max_rad_s": _max(np.abs(trajectory.wheel_speed_rad_s[:, 0]).max(axis=1)),
-        "control_effort": _integral(squared, time),  # ∫ (ω_r² + ω_l²) dt [rad²/s]
-        "saturated_share": float(trajectory.saturated[:, 0].mean()),
-        "near_singular_share": float(trajectory.near_singular[:, 0].mean()),
-    }
-
-
-def _estimation(trajectory: Trajectory) -> Metrics:
-    """How far what the controller saw was from the truth."""
-    miss = (trajectory.est_q - trajectory.q)[:, 0]
-    return {
-        "estimator_position_rmse_m": _rms(np.hypot(miss[:, 0], miss[:, 1])),
-        "estimator_theta1_rmse_rad": _rms(wrap(miss[:, 2])),
-        "estimator_theta2_rmse_rad": _rms(wrap(miss[:, 3])),
-        "blind_share": float(1.0 - trajectory.est_valid[:, 0].mean()),
-    }
-
-
-def _distance(q: FloatArray, ref: FloatArray, behind_m: float) -> FloatArray:
-    miss = point_behind(q, behind_m) - point_behind(ref, behind_m)
-    return np.asarray(np.hypot(miss[:, 0], miss[:, 1]))
-
-
-def _value(number: float) -> float | None:
-    return float(number) if math.isfinite(number) else None
-
-
-def _defined(values: FloatArray) -> FloatArray:
-    return values[np.isfinite(values)]
-
-
-def _rms(values: FloatArray) -> float | None:
-    defined = _defined(values)
-    return _value(np.sqrt(np.mean(defined**2))) if defined.size else None
-
-
-def _max(values: FloatArray) -> float | None:
-    defined = _defined(values)
-    return _value(np.abs(defined).max()) if defined.size else None
-
-
-def _integral(values: FloatArray, time: FloatArray) -> float | None:
-    defined = np.isfinite(values)
-    if not defined.any():
-        return None
-    return _value(float(np.trapezoid(values[defined], time[defined])))
-
-
-def _settling_time(error: FloatArray, time: FloatArray) -> float | None:
-    """First time after which the error stays below SETTLED_M; None if the run ends outside it."""
-    if not np.isfinite(error).all() or error[-1] > SETTLED_M:
-        return None
-    outside = np.flatnonzero(error > SETTLED_M)
-    return float(time[outside[-1] + 1]) if outside.size else float(time[0])
+    time_s, samples = rows.time_s, _samples(rows, robot)
+    half = int(np.argmax(time_s >= 0.5 * time_s[-1]))
+    numbers: Metrics = {}
+    for name, metric in METRICS.items():
+        start = half if name.startswith("steady_") else 0
+        numbers[name] = metric.sum_up(samples[metric.of][start:], time_s[start:])
+    return numbers

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field, fields, replace
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -15,9 +16,13 @@ from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 if TYPE_CHECKING:
     import pyarrow as pa
 
-WHEEL_NAMES = ("wheel_right", "wheel_left")
-WHEELS = {"_cmd_rad_s": "wheel_command_rad_s", "_rad_s": "wheel_speed_rad_s"}
-FLAGS = ("est_valid", "measurement_age_s", "labels_found", "saturated", "near_singular")
+PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column → its blank value
+    "est_valid": True,
+    "measurement_age_s": 0.0,
+    "labels_found": np.nan,
+    "saturated": False,
+    "near_singular": False,
+}
 
 
 def q_names(width: int) -> tuple[str, ...]:
@@ -28,6 +33,31 @@ def q_names(width: int) -> tuple[str, ...]:
 def rate_names(width: int) -> tuple[str, ...]:
     """Column names of q's rates (..., width): x_rate_m_s to theta2_rate_rad_s and so on."""
     return ("x_rate_m_s", "y_rate_m_s", *(f"theta{i}_rate_rad_s" for i in range(1, width - 1)))
+
+
+def wheel_names(unit: str) -> tuple[str, ...]:
+    """Column names of wheel speeds (..., 2), right and left."""
+    return f"wheel_right_{unit}", f"wheel_left_{unit}"
+
+
+def column_table(width: int) -> dict[str, tuple[str, ...]]:
+    """Array of a Trajectory → its column names, in the order of trajectory.parquet.
+
+    Args:
+        width: of q, 3 + trailers.
+    """
+    table = {}
+    for prefix in ("", "ref_", "est_"):
+        table[f"{prefix}q"] = tuple(prefix + name for name in q_names(width))
+        table[f"{prefix}q_rate"] = tuple(prefix + name for name in rate_names(width))
+    table["wheel_command_rad_s"] = wheel_names("cmd_rad_s")
+    table["wheel_speed_rad_s"] = wheel_names("rad_s")
+    return table | {name: (name,) for name in PER_SAMPLE}
+
+
+def column_names(width: int) -> tuple[str, ...]:
+    """Of trajectory.parquet, without the signals."""
+    return ("time_s", *chain.from_iterable(column_table(width).values()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,26 +116,15 @@ class Trajectory:
         cls, time_s: FloatArray, nsim: int, nq: int = 0, ncontact: int = 0, *, trailers: int = 1
     ) -> Trajectory:
         """Rows for the given times, to be filled in place by the experiment."""
-        n, width = time_s.shape[0], 3 + trailers
-
-        def unknown(width: int) -> FloatArray:
-            return np.full((n, nsim, width), np.nan)
-
+        n = time_s.shape[0]
+        blank: dict[str, Any] = {
+            name: np.full((n, nsim, len(columns)), np.nan)
+            for name, columns in column_table(3 + trailers).items()
+        }
+        blank |= {name: np.full((n, nsim), value) for name, value in PER_SAMPLE.items()}
         return cls(
             time_s=time_s,
-            q=unknown(width),
-            q_rate=unknown(width),
-            ref_q=unknown(width),
-            ref_q_rate=unknown(width),
-            est_q=unknown(width),
-            est_q_rate=unknown(width),
-            wheel_command_rad_s=unknown(2),
-            wheel_speed_rad_s=unknown(2),
-            est_valid=np.ones((n, nsim), dtype=np.bool_),
-            measurement_age_s=np.zeros((n, nsim)),
-            labels_found=np.full((n, nsim), np.nan),
-            saturated=np.zeros((n, nsim), dtype=np.bool_),
-            near_singular=np.zeros((n, nsim), dtype=np.bool_),
+            **blank,
             joint_positions=np.zeros((n, nsim, nq)),
             contact_readings=np.zeros((n, nsim, ncontact, 15)),
         )
@@ -126,81 +145,61 @@ class Trajectory:
             raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
         angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
-
-        def columns(names: tuple[str, ...], prefix: str = "") -> FloatArray:
-            wanted = [prefix + name for name in names]
-            missing = [name for name in wanted if name not in table.column_names]
-            if missing:
-                raise InputError(
-                    f"no trajectory.parquet: it lacks {', '.join(missing)}", file=str(path)
-                )
-            return np.stack([table[name].to_numpy() for name in wanted], axis=-1)[:, None]
-
-        time_s = columns(("time_s",))[:, 0, 0]
-        rows = replace(
-            cls.empty(time_s, nsim=1, trailers=width - 3),
-            q=columns(q_names(width)),
-            q_rate=columns(rate_names(width)),
-            ref_q=columns(q_names(width), "ref_"),
-            ref_q_rate=columns(rate_names(width), "ref_"),
-            est_q=columns(q_names(width), "est_"),
-            est_q_rate=columns(rate_names(width), "est_"),
-            wheel_command_rad_s=columns(tuple(name + "_cmd_rad_s" for name in WHEEL_NAMES)),
-            wheel_speed_rad_s=columns(tuple(name + "_rad_s" for name in WHEEL_NAMES)),
-            est_valid=columns(("est_valid",))[..., 0] > 0,
-            measurement_age_s=columns(("measurement_age_s",))[..., 0],
-            labels_found=columns(("labels_found",))[..., 0],
-            saturated=columns(("saturated",))[..., 0] > 0,
-            near_singular=columns(("near_singular",))[..., 0] > 0,
-        )
-        signals = [name for name in table.column_names if name not in rows.column_names]
-        return replace(rows, signals={name: columns((name,))[..., 0] for name in signals})
+        known = column_names(width)
+        if missing := [name for name in known if name not in table.column_names]:
+            raise InputError(f"not a trajectory: it lacks {', '.join(missing)}", file=str(path))
+        columns = {name: table[name].to_numpy()[:, None] for name in table.column_names}
+        rows: dict[str, Any] = {
+            name: np.stack([columns[column] for column in names], axis=-1)
+            for name, names in column_table(width).items()
+        }
+        for name, blank in PER_SAMPLE.items():
+            rows[name] = columns[name].astype(type(blank))
+        signals = {name: values for name, values in columns.items() if name not in known}
+        empty = cls.empty(columns["time_s"][:, 0], nsim=1, trailers=width - 3)
+        return replace(empty, **rows, signals=signals)
 
     def rows(self, start: int, stop: int) -> Trajectory:
         """Views of rows start to stop."""
-        cut: dict[str, Any] = {name: a[start:stop] for name, a in self._arrays().items()}
-        signals = {name: a[start:stop] for name, a in self.signals.items()}
-        return replace(self, time_s=self.time_s[start:stop], **cut, signals=signals)
+        return replace(self._part(np.s_[start:stop]), time_s=self.time_s[start:stop])
 
-    def simulation(self, index: int) -> Trajectory:
-        """Views of one simulation, as a batch of one."""
-        one = slice(index, index + 1)
-        cut: dict[str, Any] = {name: a[:, one] for name, a in self._arrays().items()}
-        return replace(self, **cut, signals={name: a[:, one] for name, a in self.signals.items()})
+    def simulation(self, index: int | None = None) -> Trajectory:
+        """Views of one simulation, as a batch of one.
 
-    def _arrays(self) -> dict[str, FloatArray]:
-        """Every array with an axis of simulations, but the signals."""
-        names = (f.name for f in fields(self) if f.name not in ("time_s", "signals"))
-        return {name: getattr(self, name) for name in names}
+        Args:
+            index: which, from 0; may be left out where there is only one.
 
-    @property
-    def column_names(self) -> tuple[str, ...]:
-        """Of the table, without the signals."""
-        blank = Trajectory.empty(self.time_s[:0], 1, trailers=self.q.shape[-1] - 3)
-        return tuple(blank.to_columns(0))
+        Raises:
+            InputError: there is no such simulation, or there are several and none is named.
+        """
+        index = 0 if index is None and self.nsim == 1 else index
+        if index is None or not 0 <= index < self.nsim:
+            problem = f"the trajectory has {self.nsim} simulations"
+            got, allowed = "none" if index is None else str(index), f"0 to {self.nsim - 1}"
+            raise InputError.at("simulation", problem, got=got, allowed=allowed)
+        return self._part(np.s_[:, index : index + 1])
+
+    def _part(self, part: Any) -> Trajectory:
+        """Views of a part of every array, signals included, but of the times."""
+        names = [f.name for f in fields(self) if f.name not in ("time_s", "signals")]
+        cut: dict[str, Any] = {name: getattr(self, name)[part] for name in names}
+        return replace(self, **cut, signals={name: a[part] for name, a in self.signals.items()})
 
     def to_columns(self, simulation: int | None = None) -> dict[str, FloatArray]:
         """Column name → (n,) values of one simulation; names carry the units.
 
         Args:
-            simulation: which; may be left out where there is one.
+            simulation: which, from 0; may be left out where there is only one.
 
         Raises:
-            InputError: there are several and none is named.
+            InputError: there is no such simulation, or there are several and none is named.
         """
-        if simulation is None and self.nsim != 1:
-            raise InputError(
-                f"the trajectory has {self.nsim} simulations: say which one, simulation=0 to "
-                f"{self.nsim - 1}"
-            )
-        one = {name: values[:, simulation or 0] for name, values in self._arrays().items()}
+        one = self.simulation(simulation)
         columns: dict[str, FloatArray] = {"time_s": self.time_s}
-        for prefix in ("", "ref_", "est_"):
-            columns |= _state_columns(one[prefix + "q"], one[prefix + "q_rate"], prefix)
-        for suffix, name in WHEELS.items():
-            columns |= {wheel + suffix: one[name][:, i] for i, wheel in enumerate(WHEEL_NAMES)}
-        columns |= {name: one[name].astype(np.float64) for name in FLAGS}
-        return columns | {name: a[:, simulation or 0] for name, a in self.signals.items()}
+        for name, names in column_table(self.q.shape[-1]).items():
+            values = getattr(one, name).astype(np.float64, copy=False)
+            columns |= zip(names, values.reshape(len(self), len(names)).T, strict=True)
+        return columns | {name: values[:, 0] for name, values in one.signals.items()}
 
     def to_table(self, simulation: int | None = None) -> pa.Table:
         """One simulation as an Arrow table; arguments and errors as `to_columns`."""
@@ -225,13 +224,6 @@ def _table(columns: dict[str, FloatArray]) -> pa.Table:
     return pa.table({name: np.ascontiguousarray(values) for name, values in columns.items()})
 
 
-def _state_columns(q: FloatArray, q_rate: FloatArray, prefix: str = "") -> dict[str, FloatArray]:
-    """Column name → (n,) values, for a state (n, width) and its rates."""
-    width = q.shape[-1]
-    names, values = (*q_names(width), *rate_names(width)), np.hstack([q, q_rate])
-    return {prefix + name: values[:, i] for i, name in enumerate(names)}
-
-
 def physics_rate_table(
     time_s: FloatArray, state: RobotState, wheel_speed_rad_s: FloatArray
 ) -> pa.Table:
@@ -242,6 +234,7 @@ def physics_rate_table(
         state: q and rates (n, width).
         wheel_speed_rad_s: (n, 2).
     """
-    columns = {"time_s": time_s} | _state_columns(state.q, state.q_rate)
-    columns |= {n + "_rad_s": wheel_speed_rad_s[:, i] for i, n in enumerate(WHEEL_NAMES)}
-    return _table(columns)
+    width = state.q.shape[-1]
+    names = ("time_s", *q_names(width), *rate_names(width), *wheel_names("rad_s"))
+    values = np.column_stack([time_s, state.q, state.q_rate, wheel_speed_rad_s])
+    return _table(dict(zip(names, values.T, strict=True)))

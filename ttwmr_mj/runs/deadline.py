@@ -10,7 +10,7 @@ from __future__ import annotations
 import signal
 import threading
 from time import perf_counter, thread_time
-from types import FrameType, TracebackType
+from types import FrameType
 from typing import Any, Self
 
 AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
@@ -61,12 +61,7 @@ class Deadline:
             signal.setitimer(signal.ITIMER_REAL, self.limit_s, AGAIN_S)
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._running = False  # before the timer is stopped, which may have rung already
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from ttwmr_mj.files import write_json, write_parquet
-from ttwmr_mj.results.metrics import Metrics, score
+from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.runs.background import Background
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.report import result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
@@ -75,11 +77,7 @@ def run_scenario(
         contact.keep_physics_rate()
     watch.lap("setup")
     frames = _frame_export(scenario, folder)
-    if scenario.output.recording:
-        result = _recorded(experiment, folder, frames, progress)
-    else:
-        with Background() as background:
-            result = experiment.run(_reporter(experiment, background, None, frames, progress))
+    result = _simulate(experiment, folder, frames, progress)
     if frames is not None:
         frames.finish()
     watch.lap("recording")
@@ -117,37 +115,42 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
-    """metrics.json: status first, then the numbers."""
-    outcome = result.outcomes[0]
-    numbers: Metrics = score(result.trajectory, scenario.robot)[0]
+    """metrics.json of a run of one simulation: status first, then the numbers."""
+    (outcome,), (numbers,) = result.outcomes, score(result.trajectory, scenario.robot)
+    took = result.control_time_s
+    controller_s = result.wall_time_s.get("controller", 0.0)
     return {
         "status": outcome.status,
         "reason": outcome.reason,
         "end_time_s": outcome.time_s,
         **numbers,
-        "control_time_per_sample_us": _control_time_us(result),
-        **_control_overruns(result, scenario.control.sampling_time_s),
+        "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
+        # Commands that took longer than a period, on this machine under its load. On a real robot
+        # they would come too late; here they are used all the same, so that results do not depend
+        # on the machine.
+        "control_overruns": int((took > scenario.control.sampling_time_s).sum()),
+        "control_slowest_s": float(took.max()) if took.size else None,
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
     }
 
 
-def _control_time_us(result: Result) -> float:
-    """Mean wall time of the controller per control sample [µs]."""
-    return 1e6 * result.wall_time_s.get("controller", 0.0) / max(len(result.trajectory), 1)
-
-
-def _control_overruns(result: Result, period_s: float) -> dict[str, Any]:
-    """Commands that took longer than a period, on this machine under its load, and the slowest.
-
-    On a real robot they would have come too late. Here they are used all the same, so that results
-    do not depend on the machine.
-    """
-    took = result.control_time_s
-    return {
-        "control_overruns": int((took > period_s).sum()),
-        "control_slowest_s": float(took.max()) if took.size else None,
-    }
+def _simulate(
+    experiment: Experiment, folder: Path, frames: FrameExport | None, progress: Progress | None
+) -> Result:
+    """Run, with a recorder open if one is wanted: the recording is readable whatever happens."""
+    scenario = experiment.scenario
+    with ExitStack() as stack:
+        recorder = None
+        if scenario.output.recording:
+            recorder = stack.enter_context(_recorder(experiment, folder))
+        background = stack.enter_context(Background())
+        result = experiment.run(_reporter(experiment, background, recorder, frames, progress))
+        background.wait()
+        if recorder is not None:
+            wall_time_s = sum(result.wall_time_s.values())
+            recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
+    return result
 
 
 def _reporter(
@@ -189,30 +192,20 @@ def _frame_export(scenario: Scenario, folder: Path) -> FrameExport | None:
     return FrameExport(folder / "frames")
 
 
-def _recorded(
-    experiment: Experiment, folder: Path, frames: FrameExport | None, progress: Progress | None
-) -> Result:
-    """Run with a recorder open; the recording is readable whatever happens."""
+def _recorder(experiment: Experiment, folder: Path) -> RunRecorder:
+    """The recording of this run, open and still without rows."""
     from ttwmr_mj.recording.run_recorder import RunRecorder
 
     scenario = experiment.scenario
-    with (
-        RunRecorder(
-            folder / "run.rrd",
-            model=_drawable_model(experiment),
-            robot=scenario.robot,
-            reference=experiment.reference,
-            name=scenario.name,
-            summary_markdown=summary(scenario),
-            camera=scenario.sensing.kind == "camera",
-        ) as recorder,
-        Background() as background,
-    ):
-        result = experiment.run(_reporter(experiment, background, recorder, frames, progress))
-        background.wait()
-        wall_time_s = sum(result.wall_time_s.values())
-        recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
-    return result
+    return RunRecorder(
+        folder / "run.rrd",
+        model=_drawable_model(experiment),
+        robot=scenario.robot,
+        reference=experiment.reference,
+        name=scenario.name,
+        summary_markdown=summary(scenario),
+        camera=scenario.sensing.kind == "camera",
+    )
 
 
 def _drawable_model(experiment: Experiment) -> Any:
@@ -222,54 +215,3 @@ def _drawable_model(experiment: Experiment) -> Any:
     from ttwmr_mj.plants.mjcf import build_model
 
     return build_model(experiment.scenario.robot, experiment.scenario.plant.contact)
-
-
-def summary(scenario: Scenario) -> str:
-    """What was asked, for the recording's text panel."""
-    start, plant = scenario.initial, scenario.plant
-    rows = {
-        "plant": plant.kind,
-        "controller": scenario.controller.kind,
-        "reference": scenario.reference.kind,
-        "start": start.kind,
-        "servo": scenario.robot.servo.preset,
-        "control period": f"{scenario.control.sampling_time_s * 1e3:g} ms",
-        "duration": f"{scenario.duration_s:g} s",
-        "seed": str(scenario.seed),
-    }
-    table = "\n".join(f"| {key} | {value} |" for key, value in rows.items())
-    return (
-        f"# {scenario.name}\n\n{scenario.description}\n\n| setting | value |\n|---|---|\n{table}\n"
-    )
-
-
-RESULT_ROWS = (
-    ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
-    ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
-    ("tractor_final_error_m", "P, final error", 1e3, "mm"),
-    ("steady_trailer_rmse_m", "trailer COM, rms error, 2nd half", 1e3, "mm"),
-    ("steady_theta1_rmse_rad", "θ1, rms error, 2nd half", 1e3, "mrad"),
-    ("steady_theta2_rmse_rad", "θ2, rms error, 2nd half", 1e3, "mrad"),
-    ("settling_time_s", "settled (1 cm) after", 1.0, "s"),
-    ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
-    ("saturated_share", "saturated samples", 100.0, "%"),
-    ("near_singular_share", "near-singular samples", 100.0, "%"),
-    ("control_overruns", "commands later than a period", 1.0, ""),
-    ("control_slowest_s", "slowest command", 1e3, "ms"),
-)
-
-
-def in_unit(value: float | None, scale: float, unit: str) -> str:
-    """A metric for reading: three digits and its unit, or the word undefined."""
-    return "undefined" if value is None else f"{value * scale:.3g} {unit}".rstrip()
-
-
-def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
-    """What it was and how it ended, for the recording's text panel."""
-    what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
-    status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
-    lines = [
-        f"| {label} | {in_unit(metrics[key], scale, unit)} |"
-        for key, label, scale, unit in RESULT_ROWS
-    ]
-    return f"**{status}** · {what}\n\n| result | value |\n|---|---|\n" + "\n".join(lines) + "\n"

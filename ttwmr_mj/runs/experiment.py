@@ -25,7 +25,7 @@ class Result:
     Attributes:
         scenario: what was run.
         trajectory: one row per control sample, up to the last one that any simulation reached;
-            a simulation's rows after its end repeat nothing and are NaN.
+            rows of a simulation after its end mean nothing.
         outcomes: how each simulation ended.
         wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
             (bookkeeping), "report".

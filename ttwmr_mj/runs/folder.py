@@ -36,13 +36,11 @@ def open_folder(folder: Path, force: bool) -> None:
     """
     try:
         if not force and folder.is_dir() and any(folder.iterdir()):
-            raise InputError(
-                f"--out {folder}: the folder is not empty; give another one, or --force to write "
-                "into it"
-            )
+            hint = "give another one, or --force to write into it"
+            raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--out {folder}: cannot make the folder: {error}") from error
+        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(folder)) from error
 
 
 def write_resolved(folder: Path, scenario: Scenario) -> None:
@@ -92,14 +90,10 @@ def git_commit() -> str | None:
     git, checkout = shutil.which("git"), Path(__file__).resolve().parents[2]
     if git is None or not (checkout / ".git").exists():
         return None
-
-    def ask(*words: str) -> str:
-        command = [git, "-C", str(checkout), *words]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
-        return done.stdout.strip()
-
+    command = [git, "-C", str(checkout), "describe", "--always", "--dirty", "--abbrev=40"]
+    command += ["--exclude=*"]  # no names of tags
     try:
-        commit = ask("rev-parse", "HEAD")
-        return commit + ("-dirty" if ask("status", "--porcelain", "-uno") else "")
+        done = subprocess.run(command, capture_output=True, text=True, timeout=10, check=True)
     except (subprocess.SubprocessError, OSError):
         return None
+    return done.stdout.strip()

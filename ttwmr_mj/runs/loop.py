@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Literal
@@ -14,10 +14,10 @@ import numpy as np
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import Trajectory, column_names
 from ttwmr_mj.runs.deadline import Deadline, Overrun
 from ttwmr_mj.runs.stopwatch import Stopwatch
-from ttwmr_mj.scenario.schema import Push, Scenario
+from ttwmr_mj.scenario.schema import PushOptions, Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
@@ -172,32 +172,34 @@ class Loop:
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 
     def _check(self, command: Command) -> None:
-        """A controller's answer must be finite wheel speeds of the right shape, and its signals.
-
-        The first command says which signals there are.
-        """
+        """A controller's answer must be finite wheel speeds of the right shape, and its signals."""
         wheels, nsim = command.wheel_speed_rad_s, self.plant.nsim
         if np.shape(wheels) != (nsim, 2):
             raise ValueError(f"wheel speeds have shape {np.shape(wheels)}, allowed: ({nsim}, 2)")
         if not math.isfinite(wheels.sum()):  # one number shows a NaN or infinity in any
             raise ValueError(f"wheel speeds are not finite: {wheels.tolist()}")
         signals = self.rows.signals
-        if not self.control_time_s:
-            for name in command.signals:
-                if not SIGNAL_NAME.fullmatch(name) or name in self.rows.column_names:
-                    raise ValueError(
-                        f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
-                        "with the unit at the end, and no name of another column"
-                    )
-                signals[name] = np.full((len(self.rows), nsim), np.nan)
+        if not self.control_time_s:  # the first command says which signals there are
+            self._make_room(command.signals)
         if command.signals.keys() != signals.keys():
             raise ValueError(
-                f"signals are {sorted(command.signals)}; at the first sample they were "
-                f"{sorted(signals)}, and must stay the same"
+                f"the signals are {sorted(command.signals)}; at the first sample they were "
+                f"{sorted(signals)}, and they must stay the same"
             )
         for name, values in command.signals.items():
             if np.shape(values) != (nsim,):
                 raise ValueError(f"signal {name} has shape {np.shape(values)}, allowed: ({nsim},)")
+
+    def _make_room(self, names: Iterable[str]) -> None:
+        """Blank rows for signals of these names."""
+        taken = column_names(self.rows.q.shape[-1])
+        for name in names:
+            if not SIGNAL_NAME.fullmatch(name) or name in taken:
+                raise ValueError(
+                    f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
+                    "with the unit at the end, and no name of another column"
+                )
+            self.rows.signals[name] = np.full((len(self.rows), self.plant.nsim), np.nan)
 
     def _end_some(self, truth: RobotState, failed: BoolArray, time_s: float) -> None:
         """Note how simulations ended whose physics failed or whose state left all bounds."""
@@ -224,7 +226,7 @@ def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:
     rows.labels_found[k] = estimate.labels_found
 
 
-def _forces(pushes: tuple[Push, ...], time_s: float) -> dict[str, FloatArray]:
+def _forces(pushes: tuple[PushOptions, ...], time_s: float) -> dict[str, FloatArray]:
     """Half → (2,) sum of the pushes that act in the control period that starts now."""
     forces: dict[str, FloatArray] = {}
     for push in pushes:

@@ -20,25 +20,15 @@ def examine() -> tuple[str, bool]:
 
     Rendering and the viewer are extras: their absence is reported, not counted as illness.
     """
+    versions = {name: library_version(name) for name in _required()}
+    missing = [name for name, found in versions.items() if found is None]
     python = f"Python {platform.python_version()}, {platform.platform()}"
-    lines = [
-        f"ttwmr-mj {version('ttwmr-mj')}, {python}",
-        f"processors: {os.cpu_count()}",
-        "",
-        "Libraries",
-    ]
-    missing = []
-    for name in _required():
-        found = library_version(name)
-        lines.append(f"  {name:24s} {found or 'MISSING'}")
-        if found is None:
-            missing.append(name)
+    lines = [f"ttwmr-mj {version('ttwmr-mj')}, {python}", f"processors: {os.cpu_count()}", ""]
+    lines += ["Libraries", *(f"  {n:24s} {found or 'MISSING'}" for n, found in versions.items())]
     if missing:
         lines.append(f"  install them: pip install {' '.join(missing)}")
-    lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)"]
-    lines += _opengl()
-    lines += ["", "Vulkan, for the Rerun viewer (not needed to record)"]
-    lines += _vulkan()
+    lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)", *_opengl()]
+    lines += ["", "Vulkan, for the Rerun viewer (not needed to record)", *_vulkan()]
     return "\n".join(lines), not missing
 
 
@@ -49,12 +39,9 @@ def _required() -> list[str]:
 
 
 def _opengl() -> list[str]:
-    lines, works = [], False
-    for backend in BACKENDS:
-        found = probe(backend)
-        works = works or found.renderer is not None
-        lines.append(f"  {backend:8s} {found.renderer or 'does not work: ' + found.fault}")
-    if not works:
+    found = {backend: probe(backend) for backend in BACKENDS}
+    lines = [f"  {b:8s} {p.renderer or 'does not work: ' + p.fault}" for b, p in found.items()]
+    if all(one.renderer is None for one in found.values()):
         lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
     return lines
 

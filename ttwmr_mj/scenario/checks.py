@@ -27,20 +27,15 @@ class Check(NamedTuple):
     faults: Callable[[Scenario], Iterable[Fault]]
     looks_at: tuple[str, ...]
 
-    def is_possible(self, wrong: list[Fault]) -> bool:
-        """Whether none of these faults touches what the check looks at."""
+    def is_possible(self, gone: list[Keys]) -> bool:
+        """Whether all that the check looks at is there."""
         keys = [tuple(key.split(".")) for key in self.looks_at]
-        return not any(_overlap(fault.key, key) for fault in wrong for key in keys)
+        return not any(_overlap(missing, key) for missing in gone for key in keys)
 
 
-def check(scenario: Scenario, wrong: list[Fault]) -> list[Fault]:
-    """Faults across keys.
-
-    Args:
-        scenario: parts that have faults may be absent.
-        wrong: the faults of single keys.
-    """
-    return [fault for one in CHECKS if one.is_possible(wrong) for fault in one.faults(scenario)]
+def check(scenario: Scenario, gone: list[Keys]) -> list[Fault]:
+    """Faults across keys, of a scenario from which these keys were left out."""
+    return [fault for one in CHECKS if one.is_possible(gone) for fault in one.faults(scenario)]
 
 
 def _overlap(key: Keys, other: Keys) -> bool:
@@ -72,18 +67,17 @@ def _belief(scenario: Scenario) -> Iterable[Fault]:
 
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
     if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
-        problem = "there is no reference to start on"
+        problem = "reference.kind = 'none' leaves nothing to start on"
         yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
 
 
 def _contact_only(scenario: Scenario) -> Iterable[Fault]:
-    if scenario.plant.kind == "analytic" and scenario.plant.pushes:
+    if scenario.plant.kind == "contact":
+        return
+    if scenario.plant.pushes:
         problem = "only plant.kind = 'contact' can be pushed"
         yield Fault(key=("plant", "pushes"), got="pushes", problem=problem)
-
-
-def _physics_rate(scenario: Scenario) -> Iterable[Fault]:
-    if scenario.plant.kind == "analytic" and scenario.output.physics_rate:
+    if scenario.output.physics_rate:
         problem = "only plant.kind = 'contact' steps at a physics rate"
         yield Fault(key=("output", "physics_rate"), got="true", problem=problem)
 
@@ -152,8 +146,7 @@ CHECKS = (
     Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
     Check(_belief, ("robot", "belief")),
     Check(_open_loop, ("reference", "initial")),
-    Check(_contact_only, ("plant.kind", "plant.pushes")),
-    Check(_physics_rate, ("plant.kind", "output")),
+    Check(_contact_only, ("plant.kind", "plant.pushes", "output")),
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "control")),

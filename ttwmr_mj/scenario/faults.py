@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import difflib
-from typing import Any, get_args
+from functools import cache
+from typing import Any
 
-from pydantic import BaseModel
+from pydantic import BaseModel, ValidationError
 
 from ttwmr_mj.errors import Fault, Keys, shown
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
+
+Node = dict[str, Any]  # of a JSON Schema
 
 # keys of the past, and what says the same today
 MOVED: dict[Keys, str] = {
@@ -20,25 +23,42 @@ MOVED: dict[Keys, str] = {
 }
 
 
+def faults_of(error: ValidationError, root: type[BaseModel] = Scenario) -> list[Fault]:
+    """What pydantic found in a file of the model `root`, in this project's words."""
+    errors = error.errors()
+    # a list whose items have faults counts as too short, as if they were not there
+    around = {item["loc"][:n] for item in errors for n in range(len(item["loc"]))}
+    return [
+        fault_of(item, root)
+        for item in errors
+        if not (item["type"] == "too_short" and item["loc"] in around)
+    ]
+
+
 def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
     """One pydantic error in this project's words; `root` is the model of the whole file."""
-    keys = _file_keys(error["loc"], root)
+    keys, table, value = _place(error["loc"], root)
     got, context = error["input"], error.get("ctx", {})
     match error["type"]:
         case "extra_forbidden" if keys in MOVED:
             return Fault(key=keys, problem=MOVED[keys])
         case "extra_forbidden":
-            allowed = _allowed_keys(error["loc"][:-1], root)
-            problem = f"unknown key{suggestion(str(keys[-1]), allowed)}"
-            return Fault(key=keys, problem=problem, allowed=", ".join(allowed))
+            known = list(table["properties"])
+            problem = f"unknown key{suggestion(str(keys[-1]), known)}"
+            return Fault(key=keys, problem=problem, allowed=", ".join(known))
         case "missing":
             return Fault(key=keys, problem="missing; this key has no default and must be given")
-        case "union_tag_not_found":
-            return Fault(key=(*keys, "kind"), problem="missing", allowed=_tags(error["loc"], root))
-        case "union_tag_invalid":
-            tag, kinds = context["tag"], _tags(error["loc"], root)
-            hint = suggestion(str(tag), kinds.replace("'", "").split(", "))
-            return Fault(key=(*keys, "kind"), got=f"{tag!r}{hint}", allowed=kinds)
+        case "union_tag_not_found" | "union_tag_invalid":
+            kinds = list(value["discriminator"]["mapping"])
+            allowed, key = ", ".join(map(repr, kinds)), (*keys, "kind")
+            if "tag" not in context:
+                return Fault(key=key, problem="missing", allowed=allowed)
+            hint = suggestion(str(context["tag"]), kinds)
+            return Fault(key=key, got=f"{context['tag']!r}{hint}", allowed=allowed)
+        case "too_short":
+            return Fault(
+                key=keys, got=shown(got), allowed=f"at least {context['min_length']} of them"
+            )
         case "value_error":  # raised by a validator of this project
             return Fault(key=keys, got=shown(got), problem=str(context["error"]))
     return Fault(key=keys, got=shown(got), allowed=error["msg"].removeprefix("Input should be "))
@@ -51,58 +71,39 @@ def suggestion(word: str, choices: list[str]) -> str:
     return f" (did you mean {close[0]!r}?)" if close else ""
 
 
-def _file_keys(location: Keys, root: type[BaseModel]) -> Keys:
-    """A pydantic location without the union tags, which no file contains."""
-    keys = tuple(key for key, _ in _walk(location, root))
-    for first, name in RobotParameters.FIRST.items():
-        for path in (("robot", name, 0), ("belief", "robot", name, 0)):
-            if keys[: len(path)] == path:
-                keys = (*path[:-2], first, *keys[len(path) :])
-    return keys
+_schema = cache(lambda root: root.model_json_schema())
 
 
-def _allowed_keys(location: Keys, root: type[BaseModel]) -> list[str]:
-    steps = _walk(location, root)
-    model = steps[-1][1] if steps else root
-    return [*model.model_fields, *getattr(model, "FIRST", ())] if model else []
+def _place(location: Keys, root: type[BaseModel]) -> tuple[Keys, Node, Node]:
+    """A pydantic location as a file writes it; in the JSON Schema, the table around it and itself.
 
-
-def _tags(location: Keys, root: type[BaseModel]) -> str:
-    members = _members(root.model_fields[str(location[0])].annotation)
-    return ", ".join(repr(_kind(member)) for member in members)
-
-
-def _kind(member: type[BaseModel]) -> str:
-    """The tag that selects a member of a union."""
-    return str(get_args(member.model_fields["kind"].annotation)[0])
-
-
-def _members(annotation: Any) -> list[type[BaseModel]]:
-    """The models an annotation may hold."""
-    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
-        return [annotation]
-    found = [model for part in getattr(annotation, "__args__", ()) for model in _members(part)]
-    inner = getattr(annotation, "__origin__", None)
-    return found or (_members(inner) if inner not in (None, annotation) else [])
-
-
-def _walk(location: Keys, root: type[BaseModel]) -> list[tuple[str | int, type[BaseModel] | None]]:
-    """Each key of a location with the model that its value belongs to, union tags folded in."""
-    if location[:2] == ("belief", "robot"):
-        return [("belief", None), *_walk(location[1:], root)]
-    steps: list[tuple[str | int, type[BaseModel] | None]] = []
-    model: type[BaseModel] | None = root
-    union: list[type[BaseModel]] = []
+    Pydantic's locations hold the tags of unions, too; they pick the member, and are in no file.
+    """
+    schema: Node = _schema(root)
+    keys: list[str | int] = []
+    table, node = schema, schema
     for key in location:
-        if len(union) > 1:  # the key is a tag: it picks the member, and is in no file
-            picked = [member for member in union if _kind(member) == key]
-            model, union = (picked[0] if picked else None), []
-            if steps and picked:
-                steps[-1] = (steps[-1][0], model)
-                continue
-        field = model.model_fields.get(str(key)) if model else None
-        members = _members(field.annotation) if field else ([model] if model else [])
-        union = members if field and len(members) > 1 else []
-        model = members[0] if len(members) == 1 else None
-        steps.append((key, model))
-    return steps
+        members = node.get("discriminator", {}).get("mapping", {})
+        if key in members:
+            node = _resolved({"$ref": members[key]}, schema)
+            continue
+        keys.append(key)
+        table, node = node, _resolved(_inside(node, key), schema)
+    for first, name in RobotParameters.FIRST.items():
+        for outer in (("robot",), ("belief", "robot")):
+            if tuple(keys[: len(outer) + 2]) == (*outer, name, 0):
+                keys[len(outer) : len(outer) + 2] = [first]
+    return tuple(keys), table, node
+
+
+def _inside(node: Node, key: str | int) -> Node:
+    """What stands at a key of a table, or in a list."""
+    alike = [node.get("items"), *node.get("patternProperties", {}).values()]
+    return node.get("properties", {}).get(key) or next(filter(None, alike), {})
+
+
+def _resolved(node: Node, schema: Node) -> Node:
+    """What a node refers to; of what may be null, what else it may be."""
+    node = next((other for other in node.get("anyOf", ()) if "$ref" in other), node)
+    name = node.get("$ref", "").removeprefix("#/$defs/")
+    return schema["$defs"][name] if name else node

@@ -5,16 +5,15 @@ from __future__ import annotations
 import copy
 import tomllib
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 
 import tomli_w
-from pydantic import ConfigDict, ValidationError, create_model
-from pydantic.fields import FieldInfo
+from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.scenario.checks import check
-from ttwmr_mj.scenario.faults import fault_of, suggestion
+from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -97,33 +96,35 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     context = {"folder": folder}
     try:
         scenario, faults = Scenario.model_validate(data, context=context), []
+        gone: list[Keys] = []
     except ValidationError as error:
-        faults = [fault_of(item) for item in error.errors()]
-        scenario = _sound_part(data, faults, context)
-    faults += check(scenario, faults)
+        faults = faults_of(error)
+        scenario, gone = _sound_part(data, faults, context)
+    faults += check(scenario, gone)
     if faults:
         raise InputError(*faults, file=source)
     return scenario
 
 
-def _sound_part(data: dict[str, Any], faults: list[Fault], context: dict[str, Path]) -> Scenario:
-    """The scenario without its faults; no check looks at what is missing.
+def _sound_part(
+    data: dict[str, Any], faults: list[Fault], context: dict[str, Path]
+) -> tuple[Scenario, list[Keys]]:
+    """The scenario without its faults, and what was left out.
 
-    What has a fault is left out: the key itself, where that does not help the table around it, and
-    where that does not help the section.
+    Left out is each key that has a fault, and what is around it where that is not enough.
     """
-    sound, wrong = copy.deepcopy(data), [fault.key for fault in faults]
-    for less in (1, None):
-        for key in wrong:
+    sound, gone = copy.deepcopy(data), [fault.key for fault in faults]
+    while True:
+        for key in gone:
             _remove(sound, key)
         try:
-            return _Incomplete.model_validate(sound, context=context)
+            return _Incomplete.model_validate(sound, context=context), gone
         except ValidationError as error:  # a key without a default, or one within a list
-            keys = [fault_of(item).key for item in error.errors()]
-            wrong = [key[:-less] if less else key[:1] for key in keys]
-    for key in wrong:
-        _remove(sound, key)
-    return _Incomplete.model_validate(sound, context=context)
+            for fault in faults_of(error):
+                key = fault.key
+                while key in gone:
+                    key = key[:-1]
+                gone.append(key)
 
 
 def _remove(data: dict[str, Any], key: Keys) -> None:
@@ -134,24 +135,12 @@ def _remove(data: dict[str, Any], key: Keys) -> None:
         place.pop(key[-1], None)
 
 
-class _Lenient(Scenario):
-    """Accepts None for what must be given."""
-
-    model_config = ConfigDict(validate_default=False)
-
-
-def _optional(field: FieldInfo) -> FieldInfo:
-    optional = copy.copy(field)
-    optional.default = None
-    return optional
-
-
-_REQUIRED: dict[str, Any] = {
-    name: (field.annotation, _optional(field))
-    for name, field in Scenario.model_fields.items()
-    if field.is_required()
+_OPTIONAL: dict[str, Any] = {  # None where a scenario must give something
+    name: (hint, Field(default=None, validate_default=False))
+    for name, hint in get_type_hints(Scenario, include_extras=True).items()
+    if name in Scenario.model_fields and Scenario.model_fields[name].is_required()
 }
-_Incomplete = create_model("_Incomplete", __base__=_Lenient, **_REQUIRED)
+_Incomplete = create_model("_Incomplete", __base__=Scenario, **_OPTIONAL)
 
 
 def set_value(data: dict[str, Any], override: str) -> None:
@@ -169,25 +158,22 @@ def set_value(data: dict[str, Any], override: str) -> None:
     except tomllib.TOMLDecodeError:
         value = text.strip()  # plain words need no quotes
     place: Any = data
-    for i, key in enumerate(keys):
-        last = i == len(keys) - 1
-        if isinstance(place, list):
-            if not (key.isdigit() and int(key) < len(place)):
-                raise InputError(
-                    f"--set {override}: {'.'.join(keys[:i])} is a list of {len(place)}; "
-                    f"got index {key!r}, allowed 0 to {len(place) - 1}"
-                )
-            if last:
-                place[int(key)] = value
-            else:
-                place = place[int(key)]
-        elif isinstance(place, dict):
-            if last:
-                place[key] = value
-            else:
-                place = place.setdefault(key, {})
-        else:
-            raise InputError(f"--set {override}: {'.'.join(keys[:i])} is a value, not a table")
+    for key in keys[:-1]:
+        at = _place(place, key, override)
+        place = place.setdefault(at, {}) if isinstance(place, dict) else place[at]
+    place[_place(place, keys[-1], override)] = value
+
+
+def _place(container: Any, key: str, override: str) -> Any:
+    """The key in a table, or the index in a list."""
+    if isinstance(container, dict):
+        return key
+    if isinstance(container, list):
+        if key.isdigit() and int(key) < len(container):
+            return int(key)
+        allowed = f"the list has {len(container)}: 0 to {len(container) - 1}"
+        raise InputError(f"--set {override}: got index {key!r}; allowed: {allowed}")
+    raise InputError(f"--set {override}: {key!r} needs a table, and there is a value")
 
 
 def dump_scenario(scenario: Scenario) -> str:

@@ -38,19 +38,21 @@ class AtRest(Config):
     """Start standing still at a pose; Table II's (0.6, −0.3) m is the default."""
 
     kind: Literal["at_rest"] = "at_rest"
-    x_m: Coordinate = 0.6
-    y_m: Coordinate = -0.3
-    theta1_rad: Angle = 0.0
-    theta2_rad: Angle = 0.0
+    x_m: Coordinate = Field(default=0.6, description="of P; typically within 1")
+    y_m: Coordinate = Field(default=-0.3, description="of P; typically within 1")
+    theta1_rad: Angle = Field(default=0.0, description="heading of the tractor, from +x")
+    theta2_rad: Angle = Field(
+        default=0.0, description="heading of the trailer; theta1_rad where aligned"
+    )
 
 
 class OnReference(Config):
     """Start on the reference, moving with it, but for these offsets."""
 
     kind: Literal["on_reference"]
-    x_offset_m: Coordinate = 0.0
-    y_offset_m: Coordinate = 0.0
-    theta1_offset_rad: Angle = 0.0
+    x_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
+    y_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
+    theta1_offset_rad: Angle = Field(default=0.0, description="of the tractor; typically 0.2")
     theta2_offset_rad: Angle = Field(
         default=0.0, description="from θ2's reference, or from θ1 where there is none"
     )
@@ -63,7 +65,7 @@ class AnalyticOptions(Config):
     """Settings of the analytic plant."""
 
     max_step_s: float = Field(
-        default=0.011, ge=1e-6, le=0.1, description="longest integration step"
+        default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
     )
     published_spring: bool = Field(
         default=False, description="divide the hitch's spring torque by k as Eq. 41 prints it"
@@ -74,23 +76,29 @@ class AnalyticOptions(Config):
     )
 
 
-class Push(Config):
+class PushOptions(Config):
     """A force on one half of the robot for a while (contact plant only).
 
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
 
-    on: Literal["tractor", "trailer"] = "trailer"
-    start_s: float = Field(ge=0, le=MAX_DURATION_S)
-    duration_s: float = Field(gt=0, le=MAX_DURATION_S)
-    force_n: Point = Field(description="x, y in the world")
+    on: Literal["tractor", "trailer"] = Field(default="trailer", description="which half is pushed")
+    start_s: float = Field(ge=0, le=MAX_DURATION_S, description="simulated time at which it starts")
+    duration_s: float = Field(
+        gt=0, le=MAX_DURATION_S, description="how long it lasts; typically 0.1 to 1"
+    )
+    force_n: Point = Field(description="x, y in the world; the robot's weight is 12 N")
 
 
-class Plant(Config):
+class PlantOptions(Config):
     """What is driven: contact physics or the analytic model, and what disturbs it."""
 
-    kind: Literal["contact", "analytic"] = "contact"
-    pushes: Annotated[tuple[Push, ...], Field(strict=False)] = ()
+    kind: Literal["contact", "analytic"] = Field(
+        default="contact", description="MuJoCo's contact physics, or the article's equations"
+    )
+    pushes: Annotated[tuple[PushOptions, ...], Field(strict=False)] = Field(
+        default=(), description="forces that disturb the robot (contact plant only)"
+    )
     contact: ContactOptions = ContactOptions()
     analytic: AnalyticOptions = AnalyticOptions()
 
@@ -98,20 +106,22 @@ class Plant(Config):
 Sensing = Annotated[TruthSensing | CameraSensing, Field(discriminator="kind")]
 
 
-class Control(Config):
+class ControlOptions(Config):
     """The sampled loop."""
 
-    sampling_time_s: float = Field(default=0.033, gt=0, le=10, description="33 ms in Section 4")
+    sampling_time_s: float = Field(
+        default=0.033, gt=0, le=10, description="time between commands; 33 ms in Section 4"
+    )
     controller_time_limit_s: float = Field(
         default=2.0,
         gt=0,
         le=3600,
-        description="CPU time after which the command of a sample counts as never coming and the "
-        "run ends as failed; 15 times as much wall time, for a controller that waits",
+        description="CPU time for one command, after which the run ends as failed; typically 2. "
+        "A controller that waits has 15 times as much wall time",
     )
 
 
-class Output(Config):
+class OutputOptions(Config):
     """Which files a run leaves beside its numbers."""
 
     recording: bool = Field(default=True, description="run.rrd for the Rerun viewer")
@@ -133,7 +143,7 @@ def _part_of_robot(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSch
     )
 
 
-class Belief(Config):
+class BeliefOptions(Config):
     """What controller, reference and camera tracker take for true, where it is not."""
 
     robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of_robot)] = Field(
@@ -144,20 +154,29 @@ class Belief(Config):
 class Scenario(Config):
     """One experiment."""
 
-    schema_version: Literal[1] = 1
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
-    description: str = ""
-    seed: int = Field(default=0, ge=0, lt=2**32)
-    duration_s: float = Field(gt=0, le=MAX_DURATION_S)
+    schema_version: Literal[1] = Field(default=1, description="of this file format")
+    name: str = Field(
+        pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
+        description="names results and recordings: lower-case letters, digits, - and _",
+    )
+    description: str = Field(default="", description="one sentence, as `ttwmr list` prints it")
+    seed: int = Field(
+        default=0, ge=0, lt=2**32, description="of everything random: noise, camera, controller"
+    )
+    duration_s: float = Field(
+        gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
+    )
     robot: RobotParameters = RobotParameters()
-    belief: Belief = Belief()
-    plant: Plant = Plant()
-    initial: Initial = AtRest()
-    reference: AnyReference
-    control: Control = Control()
-    controller: AnyController
-    sensing: Sensing = TruthSensing()
-    output: Output = Output()
+    belief: BeliefOptions = BeliefOptions()
+    plant: PlantOptions = PlantOptions()
+    initial: Initial = Field(default=AtRest(), description="where the robot starts")
+    reference: AnyReference = Field(description="the motion to follow")
+    control: ControlOptions = ControlOptions()
+    controller: AnyController = Field(description="the control law")
+    sensing: Sensing = Field(
+        default=TruthSensing(), description="how the controller learns where the robot is"
+    )
+    output: OutputOptions = OutputOptions()
 
     @field_validator("initial", mode="before")
     @classmethod

@@ -45,9 +45,9 @@ class Run(Overrides, NewFolder, name="run"):
 
 
 def _print_run(run: "execute.Run") -> None:
-    from ttwmr_mj.runs.execute import RESULT_ROWS, in_unit
+    from ttwmr_mj.runs.report import results
 
-    for key, label, scale, unit in RESULT_ROWS:
-        print(f"{label:38s} {in_unit(run.metrics[key], scale, unit)}")
-    print(f"{'real-time factor':38s} {run.metrics['real_time_factor']:.3g}")
+    rows = results(run.metrics) | {"real-time factor": f"{run.metrics['real_time_factor']:.3g}"}
+    for label, value in rows.items():
+        print(f"{label:38s} {value}")
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

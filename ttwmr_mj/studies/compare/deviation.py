@@ -19,7 +19,7 @@ Numbers = dict[str, float | None]
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """Contact physics minus analytic model, first simulation, at the control samples.
+    """Contact physics minus analytic model, one simulation each, at the control samples.
 
     Angles are unwrapped on both sides and differ by what they turned: a trailer that spun once
     around on one plant only deviates by 2π.
@@ -38,9 +38,13 @@ class Deviation:
 
     @classmethod
     def between(cls, contact: Trajectory, analytic: Trajectory) -> Deviation:
-        """The deviation of two runs over the samples both have."""
+        """The deviation of two runs over the samples both have.
+
+        Raises:
+            InputError: one is of several simulations.
+        """
         n = min(len(contact), len(analytic))
-        ours, theirs = analytic.q[:n, 0], contact.q[:n, 0]
+        ours, theirs = (run.simulation().q[:n, 0] for run in (analytic, contact))
         steps = np.hypot(*np.diff(ours[:, :2], axis=0).T)
         return cls(
             time_s=analytic.time_s[:n],

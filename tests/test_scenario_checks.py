@@ -1,0 +1,236 @@
+"""Checks across keys of a scenario: each finds its fault, and is silent a step away from it."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+import pytest
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario.checks import CHECKS
+from ttwmr_mj.scenario.file import check_scenario, set_value
+
+BASE = """
+name = "mine"
+duration_s = 5.0
+plant.kind = "contact"
+[reference]
+kind = "circle"
+radius_m = 0.43
+angular_rate_rad_s = 0.125
+[controller]
+kind = "lyapunov"
+"""
+SEGMENT = "{duration_s=1.0,wheel_right_rad_s=1.0,wheel_left_rad_s=1.0}"
+OPEN_LOOP = [
+    'reference={kind="none"}',
+    f'controller={{kind="open_loop",segments=[{SEGMENT}]}}',
+]
+PUSH = "plant.pushes=[{start_s=1.0,duration_s=0.1,force_n=[1.0,0.0]}]"
+ANALYTIC = "plant.kind=analytic"
+CAMERA = 'sensing={kind="camera"}'
+TRAIN = "robot.trailers=[{next_hitch_offset_m=0.3},{}]"
+BELIEVED = "belief.robot.trailers=[{next_hitch_offset_m=0.3},{}]"
+HITCHES = ["robot.hitches=[{},{}]", "belief.robot.hitches=[{},{}]"]
+TABLE_ONE_TRAILER = ["robot.trailer.mass_kg=0.33", "robot.trailer.com_offset_m=0.141"]
+
+# name of the check → (without a fault, with one, the fault's key and words of it)
+PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
+    "_tractor_masses": [
+        (
+            ["robot.tractor.mass_kg=0.0611", "robot.tractor.com_offset_m=0.01"],
+            ["robot.tractor.mass_kg=0.061", "robot.tractor.com_offset_m=0.01"],
+            "robot.tractor.mass_kg",
+            "wheels and casters weigh 0.061 kg",
+        ),
+    ],
+    "_trailer_masses": [
+        (
+            ["robot.trailer.mass_kg=0.0021"],
+            ["robot.trailer.mass_kg=0.002"],
+            "robot.trailer.mass_kg",
+            "weigh 0.002 kg and leave nothing",
+        ),
+    ],
+    "_belief": [
+        ([], [BELIEVED, HITCHES[1]], "belief.robot.trailers", "got 2; allowed: as many as robot"),
+    ],
+    "_open_loop": [
+        (
+            [*OPEN_LOOP, "initial.kind=at_rest"],
+            [*OPEN_LOOP, "initial.kind=on_reference"],
+            "initial.kind",
+            "got 'on_reference'; reference.kind = 'none' leaves nothing to start on",
+        ),
+        (
+            ["initial.kind=on_reference"],
+            [*OPEN_LOOP, "initial.kind=on_reference"],
+            "initial.kind",
+            "",
+        ),
+    ],
+    "_contact_only": [
+        ([PUSH], [PUSH, ANALYTIC], "plant.pushes", "only plant.kind = 'contact' can be pushed"),
+        ([ANALYTIC], [PUSH, ANALYTIC], "plant.pushes", ""),
+        (
+            ["output.physics_rate=true"],
+            ["output.physics_rate=true", ANALYTIC],
+            "output.physics_rate",
+            "got true; only plant.kind = 'contact'",
+        ),
+        ([ANALYTIC], ["output.physics_rate=true", ANALYTIC], "output.physics_rate", ""),
+    ],
+    "_frames": [
+        (
+            ["output.save_frames=true", CAMERA],
+            ["output.save_frames=true"],
+            "output.save_frames",
+            "got true; sensing.kind is 'truth'; allowed: 'camera'",
+        ),
+        ([], ["output.save_frames=true"], "output.save_frames", ""),
+    ],
+    "_physics_steps": [
+        (
+            ["control.sampling_time_s=0.0335"],
+            ["control.sampling_time_s=0.03325"],
+            "control.sampling_time_s",
+            "got 0.03325; allowed: a whole number of steps of 0.0005 s (plant.contact.timestep_s); "
+            "nearest: 0.033 and 0.0335",
+        ),
+        (
+            ["control.sampling_time_s=0.03325", ANALYTIC],
+            ["control.sampling_time_s=0.03325"],
+            "control.sampling_time_s",
+            "",
+        ),
+        (
+            ["control.sampling_time_s=0.0005"],
+            ["control.sampling_time_s=0.0004"],
+            "control.sampling_time_s",
+            "nearest: 0.0005",
+        ),
+    ],
+    "_latency": [
+        (
+            ["sensing.latency_s=0.066"],
+            ["sensing.latency_s=0.05"],
+            "sensing.latency_s",
+            "of 0.033 s (control.sampling_time_s); nearest: 0.033 and 0.066",
+        ),
+        (
+            ["sensing.latency_s=0.0"],
+            ["sensing.latency_s=1e-9"],
+            "sensing.latency_s",
+            "nearest: 0.033",
+        ),
+    ],
+    "_one_period": [
+        (["duration_s=0.033"], ["duration_s=0.0329"], "duration_s", "one control period, 0.033"),
+    ],
+    "_reference": [
+        (
+            ['reference={kind="planned",plan="rest_to_rest"}', *TABLE_ONE_TRAILER],
+            ['reference={kind="planned",plan="rest_to_rest"}', "robot.trailer.mass_kg=0.5"],
+            "reference.plan",
+            "was made",
+        ),
+    ],
+    "_controller": [
+        (
+            ["controller.kind=tvlqr", "reference.theta2=outward"],
+            ["controller.kind=tvlqr", "reference.theta2=none"],
+            "reference.theta2",
+            "got 'none'",
+        ),
+    ],
+}
+CASES = [
+    pytest.param(*case, id=f"{name}-{i}") for name in PAIRS for i, case in enumerate(PAIRS[name])
+]
+
+
+def refused(overrides: list[str]) -> InputError | None:
+    data: dict[str, Any] = tomllib.loads(BASE)
+    for override in overrides:
+        set_value(data, override)
+    try:
+        check_scenario(data, "mine.toml")
+    except InputError as error:
+        return error
+    return None
+
+
+def test_no_check_is_forgotten() -> None:
+    assert [check.faults.__name__ for check in CHECKS] == list(PAIRS)
+
+
+@pytest.mark.parametrize(("sound", "faulty", "key", "words"), CASES)
+def test_a_check_finds_its_fault_and_is_silent_beside_it(
+    sound: list[str], faulty: list[str], key: str, words: str
+) -> None:
+    assert refused(sound) is None
+    error = refused(faulty)
+    assert error is not None
+    (fault,) = error.faults
+    assert fault.where == key
+    assert words in fault.message
+
+
+def test_a_train_that_is_believed_as_it_is_has_no_fault() -> None:
+    assert refused([TRAIN, BELIEVED, *HITCHES]) is None
+
+
+@pytest.mark.parametrize(
+    ("faulty", "expected"),
+    [
+        # each fault is said, and nothing about what has one already, or depends on it
+        (
+            ["reference.radius_m=-1.0", "control.sampling_time_s=0.03325"],
+            ["reference.radius_m", "control.sampling_time_s"],
+        ),
+        (["control.sampling_time_s=0.0", "duration_s=0.01"], ["control.sampling_time_s"]),
+        # a fault inside a list takes the list, not what stands beside it: the plant is analytic
+        (
+            [ANALYTIC, "control.sampling_time_s=0.03325", "plant.pushes=[{start_s=1.0}]"],
+            ["plant.pushes.0.duration_s", "plant.pushes.0.force_n"],
+        ),
+        ([ANALYTIC, "plant.analytic.extended={}", PUSH], ["plant.pushes", "plant.analytic.exte"]),
+        (["reference={}", "controller={}"], ["reference.kind", "controller.kind"]),
+        (["robot.trailer=3", "robot.tractor.mass_kg=0.01"], ["robot.tractor", "robot.trailer"]),
+        # items with faults, and pydantic's word that there are too few whole ones
+        (
+            [OPEN_LOOP[0], 'controller={kind="open_loop",segments=[{duration_s=1.0}]}'],
+            ["controller.segments.0.wheel_right_rad_s", "controller.segments.0.wheel_left_rad_s"],
+        ),
+        (["name=B A D", CAMERA, "sensing.latency_s=0.05"], ["name", "sensing.latency_s"]),
+    ],
+)
+def test_all_faults_come_at_once_and_none_that_follows(
+    faulty: list[str], expected: list[str]
+) -> None:
+    error = refused(faulty)
+    assert error is not None
+    found = {fault.where for fault in error.faults}
+    assert all(any(where.startswith(key) for key in expected) for where in found), found
+    assert all(any(where.startswith(key) for where in found) for key in expected), found
+
+
+def test_a_file_without_what_must_be_given_is_told_all_of_it() -> None:
+    with pytest.raises(InputError) as caught:
+        check_scenario({"seed": -1, "output": {"save_frames": True}}, "mine.toml")
+    found = [fault.where for fault in caught.value.faults]
+    assert sorted(found) == [
+        "controller",
+        "duration_s",
+        "name",
+        "output.save_frames",
+        "reference",
+        "seed",
+    ]
+
+
+def test_a_list_that_is_too_short_says_how_long_it_must_be() -> None:
+    error = refused([OPEN_LOOP[0], 'controller={kind="open_loop",segments=[]}'])
+    assert error is not None
+    assert "controller.segments: got []; allowed: at least 1 of them" in str(error)

@@ -1,0 +1,59 @@
+"""A run in words: what was asked and how it ended, for the terminal and the recording."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ttwmr_mj.scenario.schema import Scenario
+
+RESULT_ROWS = (
+    ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
+    ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
+    ("tractor_final_error_m", "P, final error", 1e3, "mm"),
+    ("steady_trailer_rmse_m", "trailer COM, rms error, 2nd half", 1e3, "mm"),
+    ("steady_theta1_rmse_rad", "θ1, rms error, 2nd half", 1e3, "mrad"),
+    ("steady_theta2_rmse_rad", "θ2, rms error, 2nd half", 1e3, "mrad"),
+    ("settling_time_s", "settled (1 cm) after", 1.0, "s"),
+    ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
+    ("saturated_share", "saturated samples", 100.0, "%"),
+    ("near_singular_share", "near-singular samples", 100.0, "%"),
+    ("control_overruns", "commands later than a period", 1.0, ""),
+    ("control_slowest_s", "slowest command", 1e3, "ms"),
+)
+
+
+def summary(scenario: Scenario) -> str:
+    """What was asked, for the recording's text panel."""
+    rows = {
+        "plant": scenario.plant.kind,
+        "controller": scenario.controller.kind,
+        "reference": scenario.reference.kind,
+        "start": scenario.initial.kind,
+        "servo": scenario.robot.servo.preset,
+        "control period": f"{scenario.control.sampling_time_s * 1e3:g} ms",
+        "duration": f"{scenario.duration_s:g} s",
+        "seed": str(scenario.seed),
+    }
+    return f"# {scenario.name}\n\n{scenario.description}\n\n{_table('setting', rows)}"
+
+
+def results(metrics: dict[str, Any]) -> dict[str, str]:
+    """What the numbers are → three digits and the unit, or the word undefined."""
+    return {
+        label: "undefined"
+        if metrics[key] is None
+        else f"{metrics[key] * scale:.3g} {unit}".rstrip()
+        for key, label, scale, unit in RESULT_ROWS
+    }
+
+
+def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
+    """What it was and how it ended, for the recording's text panel."""
+    what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
+    status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
+    return f"**{status}** · {what}\n\n{_table('result', results(metrics))}"
+
+
+def _table(title: str, rows: dict[str, str]) -> str:
+    lines = "\n".join(f"| {key} | {value} |" for key, value in rows.items())
+    return f"| {title} | value |\n|---|---|\n{lines}\n"
