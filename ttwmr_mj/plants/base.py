@@ -7,7 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from ttwmr_mj.dynamics.servo import Stretches, cut, ramp
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 
@@ -59,18 +61,75 @@ class Plant(Protocol):
         ...
 
 
-class BodilessPlant(ABC):
-    """What plants made of equations have in common: no joints, no contacts, nothing to push.
+class ModelPlant(ABC):
+    """What plants made of equations have in common: servos, and no joints, contacts or pushes.
+
+    Wheels follow `dynamics.servo`, so under one command they are piecewise linear in time, with a
+    kink where a setpoint arrives. The plant moves over stretches of time between these.
 
     Attributes:
         nsim: simulations in the batch.
+        time_step_s: the step in which commands are held.
     """
 
-    nsim: int
+    def __init__(
+        self,
+        servo: Servo,
+        nsim: int,
+        time_step_s: float,
+        max_integration_step_s: float,
+        physics_step_s: float = 0.0,
+    ) -> None:
+        """Build the plant, at rest at the origin.
+
+        Args:
+            servo: its limits.
+            nsim: simulations in the batch.
+            time_step_s: duration of one step of `advance`.
+            max_integration_step_s: upper bound of the Runge-Kutta step.
+            physics_step_s: as of `servo.cut`.
+        """
+        self.nsim = nsim
+        self.time_step_s = time_step_s
+        self._servo = servo
+        self._longest_s = max_integration_step_s
+        self._physics_step_s = physics_step_s
+        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
+
+    @abstractmethod
+    def reset(self, initial: RobotState) -> None:
+        """Take over pose and motion; `_setpoint` (nsim, 2) is what drives like that."""
+        self._setpoint: FloatArray
 
     @abstractmethod
     def state(self) -> RobotState:
         """The state now, as fresh arrays."""
+
+    @abstractmethod
+    def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
+        """Turn the wheels as told, whatever the servo could do.
+
+        Args:
+            stretches: what the wheels do, from their speeds now on; none longer than the plant's
+                integration step.
+            end_rad_s: (nsim, 2) wheel speeds at their end, the new `_setpoint`.
+        """
+
+    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
+        """Hold commanded wheel speeds for a time.
+
+        Args:
+            wheel_command_rad_s: (nsim, 2) right, left; the servo's limits apply.
+            steps: number of `time_step_s`, at least one.
+        """
+        command = self._setpoint, wheel_command_rad_s, self._servo
+        duration_s = steps * self.time_step_s
+        stretches = cut(*command, duration_s, self._longest_s, self._physics_step_s)
+        self.follow(stretches.lasting, ramp(*command, np.array([duration_s]))[:, 0])
+
+    def wheel_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
+        return self._setpoint.copy()
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """Refused: the tractor's motion is prescribed, a force on it has no meaning here.

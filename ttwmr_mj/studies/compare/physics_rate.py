@@ -48,25 +48,22 @@ class PhysicsRate:
             setpoint_rad_s=plant.physics_rate_setpoints()[0],
         )
 
-    def stretches(self, every: int) -> tuple[list[Stretches], FloatArray]:
+    def stretches(self, every: int) -> tuple[Stretches, FloatArray]:
         """What the wheels did in each period of so many steps, linear from knot to knot.
 
         MuJoCo moves over a whole step at the speed of the step's end, which so is the speed of its
         middle: there are the knots. At the ends of periods the mean of two middles stands.
 
         Returns:
-            The stretches of every period, and the wheel speeds (periods + 1, 2) at their ends.
+            The stretches (every + 1, periods), and the wheel speeds (periods + 1, 2) at the ends of
+            periods.
         """
         wheels = self.wheel_speed_rad_s
         between = 0.5 * (wheels[every:-1:every] + wheels[every + 1 :: every])
         ends = np.concatenate([wheels[:1], between, wheels[-1:]])
-        middles = wheels[1:].reshape(-1, every, 2)
-        knots = np.concatenate([ends[:-1, None], middles, ends[1:, None]], axis=1)
-        duration_s = np.full((every + 1, 1), self.time_s[1])
+        middles = wheels[1:].reshape(-1, every, 2).swapaxes(0, 1)
+        knots = np.concatenate([ends[None, :-1], middles, ends[None, 1:]])
+        duration_s = np.full(knots.shape[:2], self.time_s[1])[1:]
         duration_s[[0, -1]] *= 0.5
-        rates = np.diff(knots, axis=1) / duration_s
-        none = np.zeros((every + 1, 1, 2))
-        return [
-            Stretches(duration_s, speed[:-1, None], rate[:, None], none)
-            for speed, rate in zip(knots, rates, strict=True)
-        ], ends
+        rates = np.diff(knots, axis=0) / duration_s[..., None]
+        return Stretches(duration_s, knots[:-1], rates, np.zeros_like(rates)), ends
