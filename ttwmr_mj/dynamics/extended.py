@@ -31,6 +31,7 @@ from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_body, to_world
+from ttwmr_mj.dynamics.kinetics import first_moments
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
@@ -243,7 +244,7 @@ class ExtendedModel:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
         u1, u2, u1_rate, u2_rate, hitch, theta2_rate = motion
         tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
-        nose, tail = tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * self._length
+        nose, tail = first_moments(self.robot)
         cos, sin = np.cos(hitch), np.sin(hitch)
         force = (tractor.mass_kg + trailer.mass_kg) * u1_rate - nose * u2**2
         force += tail * (sin * swing + cos * theta2_rate**2)

@@ -10,7 +10,7 @@ from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
-from ttwmr_mj.dynamics.kinetics import kinetic_energy
+from ttwmr_mj.dynamics.kinetics import first_moments, kinetic_energy
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.robot import RobotParameters
@@ -80,7 +80,7 @@ def _trailer_torque(run: ContactRun, robot: RobotParameters, every: int) -> Floa
     q, rate = physics.q, physics.q_rate
     acceleration = np.diff(rate, axis=0) / step
     theta2 = 0.5 * (q[1:, THETA2] + q[:-1, THETA2])
-    tail = robot.trailer.mass_kg * robot.trailer.com_offset_m
+    _, tail = first_moments(robot)
     swing = robot.swing_inertia_kg_m2 * acceleration[:, THETA2]
     pull = tail * sideways(theta2, acceleration[:, 0], acceleration[:, 1])
     torque = swing - pull - _hitch_torque(run, robot)
