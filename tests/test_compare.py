@@ -163,9 +163,9 @@ def test_deviation_knows_ahead_from_aside() -> None:
     moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])
     deviation = Deviation.between(moved, rows)
     np.testing.assert_allclose(deviation.position_m, 5e-3)
-    np.testing.assert_allclose(deviation.along_m, 3e-3)
-    np.testing.assert_allclose(deviation.aside_m, 4e-3)
-    np.testing.assert_allclose(deviation.hitch_angle_rad, -1e-3)
+    np.testing.assert_allclose(deviation.position_curves["ahead"], 3e-3)
+    np.testing.assert_allclose(deviation.position_curves["aside"], 4e-3)
+    np.testing.assert_allclose(deviation.angle_curves["hitch"], -1e-3)
     assert deviation.times()["position_over_0.001_m_s"] == 0.0
     assert deviation.times()["position_over_0.01_m_s"] is None
 

@@ -33,7 +33,7 @@ from ttwmr_mj.studies.compare.fit.shooting import (
     Shooting,
 )
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
-from ttwmr_mj.studies.compare.variant import changed
+from ttwmr_mj.studies.compare.variants import changed
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 

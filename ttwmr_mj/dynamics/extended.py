@@ -81,7 +81,7 @@ class ExtendedParameters(Config):
         return cls(
             wheel_radius_m=robot.tractor.wheel_radius_m,
             track_width_m=robot.tractor.track_width_m,
-            servo_time_constant_s=_driven_inertia(robot) / robot.servo.velocity_gain_n_m_s_rad,
+            servo_time_constant_s=driven_inertia(robot) / robot.servo.velocity_gain_n_m_s_rad,
             hitch_damping_n_m_s_rad=robot.hitch.damping_n_m_s_rad,
             hitch_coulomb_friction_n_m=robot.hitch.coulomb_friction_n_m,
             caster_mass_kg=robot.casters.mass_kg,
@@ -266,10 +266,10 @@ class ExtendedModel:
             np.reshape(self.values[name], (-1, 1))
             for name in ("servo_time_constant_s", "wheel_radius_m")
         )
-        return np.asarray(-lag * (wheels_rate + radius / _driven_inertia(self.robot) * push))
+        return np.asarray(-lag * (wheels_rate + radius / driven_inertia(self.robot) * push))
 
 
-def _driven_inertia(robot: RobotParameters) -> float:
+def driven_inertia(robot: RobotParameters) -> float:
     """Of a wheel and its gears about the axle [kg·m²]."""
     return wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
 

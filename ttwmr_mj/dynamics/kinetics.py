@@ -51,11 +51,11 @@ def mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
 def bias(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArray:
     """V(q, q̇) of Eq. 18, (..., 4) [N, N, N·m, N·m]: centripetal terms of Eq. 14-15, no torques."""
     nose, tail = first_moments(robot)
-    nose, tail = nose * q_rate[..., THETA1] ** 2, tail * q_rate[..., THETA2] ** 2
+    forward, backward = nose * q_rate[..., THETA1] ** 2, tail * q_rate[..., THETA2] ** 2
     theta1, theta2 = q[..., THETA1], q[..., THETA2]
     V = np.zeros_like(q)
-    V[..., 0] = tail * np.cos(theta2) - nose * np.cos(theta1)
-    V[..., 1] = tail * np.sin(theta2) - nose * np.sin(theta1)
+    V[..., 0] = backward * np.cos(theta2) - forward * np.cos(theta1)
+    V[..., 1] = backward * np.sin(theta2) - forward * np.sin(theta1)
     return V
 
 

@@ -7,12 +7,11 @@ equation (`plants.swing`).
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
+    rolling,
     twist_from_wheels,
     wheels_from_twist,
     workspace_rate,
@@ -28,16 +27,6 @@ _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
 # On [0, 1], shaped to broadcast over (node, interval, simulation).
 GAUSS_NODES = (0.5 + 0.5 * _NODES)[:, None, None]
 GAUSS_WEIGHTS = (0.5 * _WEIGHTS)[:, None, None]
-
-
-class _Twists(NamedTuple):
-    """The tractor's twist over successive stretches of time, linear, each (stretch, nsim)."""
-
-    duration_s: FloatArray
-    u1: FloatArray  # speed at the start [m/s]
-    u2: FloatArray  # turn rate at the start [rad/s]
-    u1_rate: FloatArray
-    u2_rate: FloatArray
 
 
 class AnalyticPlant(ModelPlant):
@@ -73,7 +62,6 @@ class AnalyticPlant(ModelPlant):
             InputError: the integration would be unstable for this hitch.
         """
         self._robot = robot
-        self._swing_length_m = robot.swing_length_m
         self._hitch_swing = HitchSwing(robot, published_spring=published_spring)
         _refuse_unstable_step(max_integration_step_s, self._hitch_swing.longest_step_s, robot.hitch)
         super().__init__(robot.servo, nsim, time_step_s, max_integration_step_s)
@@ -99,39 +87,28 @@ class AnalyticPlant(ModelPlant):
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
         """As its base says."""
-        motion = _Twists(
-            stretches.duration_s,
-            *np.moveaxis(twist_from_wheels(stretches.speed_rad_s, self._robot), -1, 0),
-            *np.moveaxis(twist_from_wheels(stretches.rate_rad_s2, self._robot), -1, 0),
-        )
-        self._roll(motion)
-        self._swing(motion)
-        self._setpoint = end_rad_s
-
-    def _roll(self, motion: _Twists) -> None:
-        """Move P and turn the tractor (Eq. 10)."""
-        duration = motion.duration_s
-        turns = duration * (motion.u2 + 0.5 * motion.u2_rate * duration)
+        tractor, duration = self._robot.tractor, stretches.duration_s
+        wheels = tractor.wheel_radius_m, tractor.track_width_m
+        u1, u2 = rolling(stretches.speed_rad_s, *wheels)  # (stretch, nsim), linear in time
+        u1_rate, u2_rate = rolling(stretches.rate_rad_s2, *wheels)
+        # the tractor turns and P moves (Eq. 10)
+        turns = duration * (u2 + 0.5 * u2_rate * duration)
         # accumulate, unlike sum, adds in the same order whatever the batch size.
         headings = np.add.accumulate(np.concatenate([self._theta1[None], turns]))
         time = GAUSS_NODES * duration
-        theta1 = headings[:-1] + time * (motion.u2 + 0.5 * motion.u2_rate * time)
-        travel = GAUSS_WEIGHTS * duration * (motion.u1 + motion.u1_rate * time)
+        theta1 = headings[:-1] + time * (u2 + 0.5 * u2_rate * time)
+        travel = GAUSS_WEIGHTS * duration * (u1 + u1_rate * time)
         self._x = self._x + _total(travel * np.cos(theta1))
         self._y = self._y + _total(travel * np.sin(theta1))
         self._theta1 = headings[-1]
-
-    def _swing(self, motion: _Twists) -> None:
-        """Integrate the hitch angle over every stretch in turn."""
-        duration = motion.duration_s
-        fractions = np.array([0.0, 0.5, 1.0])[:, None, None] * duration
-        centripetal = (motion.u1 + fractions * motion.u1_rate) * (
-            motion.u2 + fractions * motion.u2_rate
-        )
-        ahead, left = motion.u1_rate / self._swing_length_m, centripetal / self._swing_length_m
+        # the trailer swings, stretch after stretch
+        time = np.array([0.0, 0.5, 1.0])[:, None, None] * duration
+        left = (u1 + time * u1_rate) * (u2 + time * u2_rate) / self._robot.swing_length_m
+        ahead = u1_rate / self._robot.swing_length_m
         for k in range(len(duration)):
-            forcing = Forcing(duration[k], ahead[k], left[:, k], -motion.u2_rate[k])
+            forcing = Forcing(duration[k], ahead[k], left[:, k], -u2_rate[k])
             self._hitch = self._hitch_swing.step(self._hitch, forcing)
+        self._setpoint = end_rad_s
 
 
 def _refuse_unstable_step(step_s: float, longest_s: float, hitch: Hitch) -> None:

@@ -26,39 +26,30 @@ class Plant(Protocol):
 
     def reset(self, initial: RobotState) -> None:
         """Put every robot at rest or in motion as `initial` says, servos at that wheel speed."""
-        ...
 
     def state(self) -> RobotState:
         """The true state now, as fresh arrays."""
-        ...
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) true wheel speeds (right, left)."""
-        ...
 
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
-        ...
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push "tractor" or "trailer" with forces (2,) or (nsim, 2), world frame."""
-        ...
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo's generalized positions; nq = 0 where there is no such thing."""
-        ...
 
     def contact_readings(self) -> FloatArray:
         """(nsim, ncontact, 15) contact sensors; ncontact = 0 where there are no contacts."""
-        ...
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations whose physics broke."""
-        ...
 
     def fault(self, index: int) -> str:
         """What broke in one failed simulation, in words."""
-        ...
 
 
 class ModelPlant(ABC):

@@ -22,7 +22,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
 from ttwmr_mj.studies.compare.shooting import shoot
-from ttwmr_mj.studies.compare.variant import changed, on_plant
+from ttwmr_mj.studies.compare.variants import changed, on_plant
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,9 +67,8 @@ def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:
     result = experiment.run()
     _check(result.outcomes[0], "contact physics")
     rows, start = result.trajectory, initial_state(scenario, experiment.reference)
-    return ContactRun(
-        scenario, start, rows, PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
-    )
+    physics = PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
+    return ContactRun(scenario, start, rows, physics)
 
 
 def run_analytic(scenario: Scenario, folder: Path | None = None) -> Trajectory:

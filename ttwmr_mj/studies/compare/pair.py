@@ -11,14 +11,8 @@ import numpy as np
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
-from ttwmr_mj.studies.compare.motion import (
-    ContactRun,
-    follow_wheels,
-    replay_analytic,
-    run_analytic,
-    run_contact,
-)
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
 
@@ -29,7 +23,7 @@ Mode = Literal["open_loop", "closed_loop"]
 class Pair:
     """The two runs that are compared, and what follows from them alone."""
 
-    contact: ContactRun
+    contact: motion.ContactRun
     analytic: Trajectory
     deviation: Deviation
     residuals: Residuals
@@ -60,13 +54,13 @@ def run_pair(
         RunError: a run broke.
     """
     refuse_unlike(scenario)
-    contact = run_contact(scenario, scenario_folder)
+    contact = motion.run_contact(scenario, scenario_folder)
     if mode == "closed_loop":
-        analytic = run_analytic(scenario, scenario_folder)
+        analytic = motion.run_analytic(scenario, scenario_folder)
     elif real_wheels:
-        analytic = follow_wheels(contact)
+        analytic = motion.follow_wheels(contact)
     else:
-        analytic = replay_analytic(scenario, contact.commands)
+        analytic = motion.replay_analytic(scenario, contact.commands)
     deviation = Deviation.between(contact.trajectory, analytic)
     return Pair(contact, analytic, deviation, Residuals.of(contact))
 

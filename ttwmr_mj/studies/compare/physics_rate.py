@@ -29,22 +29,14 @@ class PhysicsRate:
     setpoint_rad_s: FloatArray
 
     @classmethod
-    def of(
-        cls, plant: ContactPlant, start: RobotState, start_wheels_rad_s: FloatArray
-    ) -> PhysicsRate:
-        """What a plant of one simulation has kept of a run.
-
-        Args:
-            plant: told to `keep_physics_rate` before the run.
-            start: where it started.
-            start_wheels_rad_s: (1, 2) how fast its wheels turned then.
-        """
+    def of(cls, plant: ContactPlant, start: RobotState, wheels_rad_s: FloatArray) -> PhysicsRate:
+        """What a plant of one simulation has kept of a run from a start at wheel speeds (1, 2)."""
         time_s, states, wheels = plant.physics_rate_states()
         return cls(
             time_s=np.append(0.0, time_s),
             q=np.concatenate([start.q, states.q[0]]),
             q_rate=np.concatenate([start.q_rate, states.q_rate[0]]),
-            wheel_speed_rad_s=np.concatenate([start_wheels_rad_s, wheels[0]]),
+            wheel_speed_rad_s=np.concatenate([wheels_rad_s, wheels[0]]),
             setpoint_rad_s=plant.physics_rate_setpoints()[0],
         )
 

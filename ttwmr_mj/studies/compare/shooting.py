@@ -37,7 +37,6 @@ class Ends(Protocol):
             states: (VARIANTS + parameters, n, STATES); each of the last has one parameter varied.
             which: the n stretches among all.
         """
-        ...
 
 
 def shoot(ends: Ends, guess: FloatArray, parameters: int = 0) -> tuple[FloatArray, FloatArray]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
@@ -20,7 +20,7 @@ from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, run_pair
 from ttwmr_mj.studies.compare.refusal import refuse_unlike
-from ttwmr_mj.studies.compare.replays import Progress
+from ttwmr_mj.studies.compare.variants import Progress
 
 SCHEMA_VERSION = 1
 UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
@@ -69,8 +69,7 @@ class Comparison:
     breaches: tuple[Breach, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class _Findings:
+class _Findings(NamedTuple):
     """What was studied beyond the two runs; None: it was not asked for."""
 
     attribution: Attribution | None
@@ -143,7 +142,6 @@ def _report(
     exceeded: tuple[Breach, ...],
 ) -> dict[str, Any]:
     """The content of compare.json."""
-    attribution, convergence, fitted = findings.attribution, findings.convergence, findings.fit
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": scenario.name,
@@ -153,9 +151,7 @@ def _report(
         **pair.deviation.numbers(),
         "first_exceeded": pair.deviation.times(),
         **pair.residuals.numbers(),
-        "attribution": attribution.as_json() if attribution else None,
-        "convergence": convergence.as_json() if convergence else None,
-        "fit": fitted.as_json() if fitted else None,
+        **{name: found and found.as_json() for name, found in findings._asdict().items()},
         "exceeded": [str(breach) for breach in exceeded],
     }
 
@@ -171,14 +167,7 @@ def _write(
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
-        write_compare_figures(
-            pair,
-            folder / "figures",
-            report["scenario"],
-            findings.attribution,
-            findings.convergence,
-            findings.fit,
-        )
+        write_compare_figures(pair, folder / "figures", report["scenario"], *findings)
     if options.recording:
         from ttwmr_mj.studies.compare.recording import record_comparison
         from ttwmr_mj.studies.compare.text import markdown

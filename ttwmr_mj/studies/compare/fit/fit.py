@@ -26,7 +26,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
-from ttwmr_mj.studies.compare.replays import Progress
+from ttwmr_mj.studies.compare.variants import Progress
 
 LENGTHS = ("wheel_radius_m", "track_width_m")  # far from zero; all else may vanish
 FLOOR = np.array([-np.inf if name in LENGTHS else 0.0 for name in SCALES])
