@@ -51,10 +51,7 @@ class ExtendedParameters(Config):
         default=0.0, ge=0, le=10, description="of the speed loop without load; about 2e-5"
     )
     slip_time_s: float = Field(
-        default=0.0,
-        ge=0,
-        le=10,
-        description="side slip of P per centripetal acceleration; about 7e-4",
+        default=0.0, ge=0, le=10, description="side slip of P per centripetal acceleration; 7e-4"
     )
     hitch_damping_n_m_s_rad: float = Field(
         default=0.0, ge=0, le=1e4, description="damper and viscous friction; about 1e-3"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Protocol
 
 import numpy as np
@@ -52,7 +52,7 @@ class Plant(Protocol):
         """What broke in one failed simulation, in words."""
 
 
-class ModelPlant(ABC):
+class ModelPlant(Plant):
     """What plants made of equations have in common: servos, and no joints, contacts or pushes.
 
     Wheels follow `dynamics.servo`, so under one command they are piecewise linear in time, with a
@@ -62,6 +62,8 @@ class ModelPlant(ABC):
         nsim: simulations in the batch.
         time_step_s: the step in which commands are held.
     """
+
+    _setpoint: FloatArray  # (nsim, 2) of the wheels, as of `reset` and `follow`
 
     def __init__(
         self,
@@ -86,15 +88,6 @@ class ModelPlant(ABC):
         self._longest_s = max_integration_step_s
         self._physics_step_s = physics_step_s
         self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
-
-    @abstractmethod
-    def reset(self, initial: RobotState) -> None:
-        """Take over pose and motion; `_setpoint` (nsim, 2) is what drives like that."""
-        self._setpoint: FloatArray
-
-    @abstractmethod
-    def state(self) -> RobotState:
-        """The state now, as fresh arrays."""
 
     @abstractmethod
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:

@@ -216,7 +216,7 @@ def _gain(run: ContactRun, value: FloatArray) -> Gain:
 
     def deviations(rows: Trajectory) -> dict[str, float]:
         numbers = Deviation.between(run.trajectory, rows).numbers()
-        return {name: value for name in MEASURES if (value := numbers[name]) is not None}
+        return {name: size for name in MEASURES if (size := numbers[name]) is not None}
 
     plain = replay_analytic(run.scenario, run.commands)
     fitted = replace(run.trajectory, q=Shooting(run).run(value)[0][:, None])
