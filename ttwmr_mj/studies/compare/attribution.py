@@ -44,23 +44,14 @@ LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """One line of a table, in the quantity's unit.
+    """One line of a table, in the quantity's unit."""
 
-    Attributes:
-        name: of the effect, or "higher_interactions", "rest", "total".
-        alone: switched on from the ideal; None where that means nothing.
-        interaction: half of (removed − alone).
-        size: alone + interaction; these add up to the total.
-        share: size per total; None if the total is zero.
-        rms: over time, whatever its direction.
-    """
-
-    name: str
-    alone: float | None
-    interaction: float | None
-    size: float
-    share: float | None
-    rms: float
+    name: str  # of the effect, or "higher_interactions", "rest", "total"
+    alone: float | None  # switched on from the ideal; None where that means nothing
+    interaction: float | None  # half of (removed − alone)
+    size: float  # alone + interaction; these add up to the total
+    share: float | None  # size per total; None if the total is zero
+    rms: float  # over time, whatever its direction
 
     def as_json(self, unit: str) -> dict[str, float | None]:
         """Plain data with the unit in the keys."""

@@ -30,17 +30,14 @@ MEASURES = (
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """A convergence study.
+    """A convergence study, for each of `MEASURES`.
 
-    Attributes:
-        timestep_s: (levels,) the coarsest first.
-        deviations: measure, of `MEASURES` → (levels,) deviations.
-        orders: measure → p of a least-squares line through the logarithms; None if a deviation is
-            zero or undefined.
+    An order is p of a least-squares line through the logarithms; None if a deviation is zero or
+    undefined.
     """
 
-    timestep_s: FloatArray
-    deviations: dict[str, FloatArray]
+    timestep_s: FloatArray  # (levels,) the coarsest first
+    deviations: dict[str, FloatArray]  # (levels,)
     orders: dict[str, float | None]
 
     def as_json(self) -> dict[str, Any]:

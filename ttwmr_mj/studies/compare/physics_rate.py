@@ -13,20 +13,13 @@ from ttwmr_mj.state import FloatArray, RobotState
 
 @dataclass(frozen=True, slots=True)
 class PhysicsRate:
-    """A run of one simulation at its start and after each of n physics steps.
+    """A run of one simulation at its start and after each of n physics steps."""
 
-    Attributes:
-        time_s: (n + 1,) from zero.
-        q, q_rate: (n + 1, 4) as in `RobotState`.
-        wheel_speed_rad_s: (n + 1, 2) right, left.
-        setpoint_rad_s: (n, 2) speeds the servos aim at, in the step that ends at time_s[1:].
-    """
-
-    time_s: FloatArray
-    q: FloatArray
-    q_rate: FloatArray
-    wheel_speed_rad_s: FloatArray
-    setpoint_rad_s: FloatArray
+    time_s: FloatArray  # (n + 1,) from zero
+    q: FloatArray  # (n + 1, 4) as in `RobotState`
+    q_rate: FloatArray  # (n + 1, 4)
+    wheel_speed_rad_s: FloatArray  # (n + 1, 2) right, left
+    setpoint_rad_s: FloatArray  # (n, 2) that servos aim at, in the step that ends at time_s[1:]
 
     @classmethod
     def of(cls, plant: ContactPlant, start: RobotState, wheels_rad_s: FloatArray) -> PhysicsRate:

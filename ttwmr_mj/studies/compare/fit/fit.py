@@ -43,19 +43,12 @@ MEASURES = (
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One parameter, SI units as in its name.
-
-    Attributes:
-        value: the estimate.
-        confidence_95: low and high end of the interval, cut at a bound of the parameter.
-        expected: from the robot's own numbers.
-        identified: whether the data alone bound it: the interval is narrower than the value.
-    """
+    """One parameter, SI units as in its name."""
 
     value: float
-    confidence_95: list[float]
-    expected: float
-    identified: bool
+    confidence_95: list[float]  # low and high end of the interval, cut at the parameter's bound
+    expected: float  # from the robot's own numbers
+    identified: bool  # by the data alone: the interval is narrower than the value
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,19 +67,12 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fit and its proof.
-
-    Attributes:
-        parameters: name → estimate.
-        physics_step_s: of the contact physics it was fitted on.
-        training: on the scenario it was fitted on.
-        validation: on one it did not see.
-    """
+    """A fit and its proof."""
 
     parameters: dict[str, Estimate]
-    physics_step_s: float
-    training: Gain
-    validation: Gain
+    physics_step_s: float  # of the contact physics it was fitted on
+    training: Gain  # on the scenario it was fitted on
+    validation: Gain  # on one it did not see
 
     @property
     def fitted(self) -> ExtendedParameters:
