@@ -21,8 +21,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
-from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
-from ttwmr_mj.studies.compare.refusal import refuse_unlike
+from ttwmr_mj.studies.compare.pair import known_numbers, refuse_unlike, run_pair
 from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
 from ttwmr_mj.studies.compare.text import markdown, plain

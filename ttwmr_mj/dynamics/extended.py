@@ -119,7 +119,7 @@ class ExtendedModel:
     @property
     def swing_inertia_kg_m2(self) -> Value:
         """J2 + m2·l² (Eq. 17) and the trailer's rolling balls, about P."""
-        spacing, length = self.robot.casters.trailer_half_spacing_m, self._length
+        spacing, length = self.robot.casters.trailer_half_spacing_m, self.robot.trailer.com_offset_m
         return self.robot.swing_inertia_kg_m2 + self._balls * (length**2 + spacing**2)
 
     def rate(
@@ -139,7 +139,12 @@ class ExtendedModel:
         ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate)
         push = self._push(ideal, self._theta2_acceleration(ideal))
         u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
-        reach = self._tail * self._length / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
+        reach = (
+            self._tail
+            * self.robot.trailer.com_offset_m
+            / self.swing_inertia_kg_m2
+            * (u1 - ideal.u1)
+        )
         theta2_rate = swing_rate - reach * np.sin(hitch)
         turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, theta2_rate=theta2_rate))
         turning += reach * np.cos(hitch) * (theta2_rate - u2)
@@ -198,12 +203,8 @@ class ExtendedModel:
 
     @property
     def _tail(self) -> Value:
-        """Mass [kg] that the trailer and its rolling balls pull with."""
-        return self.robot.trailer.mass_kg + self._balls
-
-    @property
-    def _length(self) -> float:
-        return self.robot.trailer.com_offset_m
+        """First moment about P that the trailer and its rolling balls pull with [kg·m]."""
+        return (self.robot.trailer.mass_kg + self._balls) * self.robot.trailer.com_offset_m
 
     @property
     def _drag(self) -> Value:
@@ -221,13 +222,13 @@ class ExtendedModel:
         slip = self.values["slip_time_s"]
         ahead = u1_rate + slip * u1 * u2**2
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
-        torque = self._tail * self._length * sideways(hitch, ahead, left)
+        torque = self._tail * sideways(hitch, ahead, left)
         torque += self._hitch_torque(motion) + self._rolling_torque(motion, -slip * u1 * u2)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
     def _rolling_torque(self, motion: _Motion, aside: FloatArray) -> FloatArray:
         """Torque about P of the floor on the trailer's two balls; P slips aside [m/s]."""
-        length, spacing = self._length, self.robot.casters.trailer_half_spacing_m
+        length, spacing = self.robot.trailer.com_offset_m, self.robot.casters.trailer_half_spacing_m
         along, across = to_body(motion.hitch, motion.u1, aside)
         across = across - length * motion.theta2_rate
         torque = np.zeros_like(along)
@@ -252,7 +253,7 @@ class ExtendedModel:
         ahead, aside = _direction(u1, casters.tractor_position_m * u2)
         force += drag * ahead
         torque += drag * casters.tractor_position_m * aside
-        along, across = _direction(u1 * cos, u1 * sin + self._length * theta2_rate)
+        along, across = _direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
         force += self._drag * trailer.mass_kg * GRAVITY_M_S2 * (along * cos + across * sin)
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)

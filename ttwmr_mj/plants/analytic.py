@@ -48,15 +48,10 @@ class AnalyticPlant(ModelPlant):
         *,
         published_spring: bool = False,
     ) -> None:
-        """Build the plant, at rest at the origin.
+        """Build the plant, at rest at the origin; the arguments are those of its base.
 
-        Args:
-            robot: Table I, hitch and servo limits.
-            nsim: simulations in the batch.
-            time_step_s: duration of one step of `advance`.
-            max_integration_step_s: upper bound of the Runge-Kutta step.
-            published_spring: divide spring and damper torque by k, as printed in Eq. 41, and
-                not by J2 + m2·l².
+        A published spring has its torque and the damper's divided by k, as printed in Eq. 41, and
+        not by J2 + m2·l².
 
         Raises:
             InputError: the integration would be unstable for this hitch.

@@ -107,12 +107,9 @@ class Attribution:
 def attribute(
     scenario: Scenario, commands: FloatArray, progress: Progress | None = None
 ) -> Attribution:
-    """Run the design and make the tables.
+    """Run the design around a full model and make the tables.
 
-    Args:
-        scenario: the full model.
-        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        progress: called with the share of the work done.
+    Commands are wheel speeds (n, 2) (right, left), one per control period [rad/s].
     """
     present = [effect for effect in EFFECTS if effect.present(scenario)]
     names = frozenset(effect.name for effect in present)

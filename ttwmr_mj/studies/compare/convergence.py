@@ -63,13 +63,9 @@ def refined(scenario: Scenario, level: int) -> Scenario:
 def converge(
     scenario: Scenario, commands: FloatArray, progress: Progress | None = None, levels: int = LEVELS
 ) -> Convergence:
-    """Run every level under one command history.
+    """Run every level, two at least, from the scenario on under one command history.
 
-    Args:
-        scenario: the coarsest level.
-        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        progress: called with the share of the work done.
-        levels: how many, two at least.
+    Commands are wheel speeds (n, 2) (right, left), one per control period [rad/s].
     """
     variants = [refined(scenario, level) for level in range(levels)]
     analytic = replay_analytic(scenario, commands)

@@ -51,13 +51,8 @@ def write_compare_figures(
 ) -> list[Path]:
     """Draw what was found, NAME.png and NAME.svg each; the same results give the same bytes.
 
-    Args:
-        pair: the two runs: paths, deviation, slip, residuals.
-        folder: where the files go; made if missing.
-        title: of every figure.
-        attribution: drawn as bars, if given.
-        convergence: deviations over the step, if given.
-        fit: by how much deviations fell, if given.
+    Of the pair, paths, deviation, slip and residuals; the studies where they are given. The folder
+    is made if missing, and every figure has the title.
     """
     drawings: dict[str, Draw] = {
         "paths": partial(_draw_paths, pair=pair),

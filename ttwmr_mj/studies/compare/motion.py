@@ -27,19 +27,12 @@ from ttwmr_mj.studies.compare.variants import changed, on_plant
 
 @dataclass(frozen=True, slots=True)
 class ContactRun:
-    """A scenario's run on contact physics.
-
-    Attributes:
-        scenario: what was run.
-        start: the initial state.
-        trajectory: at the control samples, of one simulation.
-        physics: the same run at every physics step.
-    """
+    """A scenario's run on contact physics."""
 
     scenario: Scenario
     start: RobotState
-    trajectory: Trajectory
-    physics: PhysicsRate
+    trajectory: Trajectory  # at the control samples, of one simulation
+    physics: PhysicsRate  # the same run at every physics step
 
     @property
     def robot(self) -> RobotParameters:

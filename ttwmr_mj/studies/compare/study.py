@@ -18,8 +18,7 @@ from ttwmr_mj.studies.compare.convergence import Convergence, converge
 from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
-from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, run_pair
-from ttwmr_mj.studies.compare.refusal import refuse_unlike
+from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
 from ttwmr_mj.studies.compare.variants import Progress
 
 SCHEMA_VERSION = 1

@@ -97,12 +97,7 @@ class Fit:
 
 
 def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -> Fit:
-    """Identify the extended model from one run and validate it on the other.
-
-    Args:
-        run: of the robot to be identified.
-        unseen: of the same robot in another scenario.
-        progress: called with the share of the iterations done, roughly.
+    """Identify the extended model from one run and validate it on another of the same robot.
 
     Raises:
         RunError: the search did not converge.
