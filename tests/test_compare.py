@@ -21,8 +21,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
-from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
-from ttwmr_mj.studies.compare.refusal import refuse_unlike
+from ttwmr_mj.studies.compare.pair import known_numbers, refuse_unlike, run_pair
 from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
 from ttwmr_mj.studies.compare.text import markdown, plain
@@ -163,9 +162,9 @@ def test_deviation_knows_ahead_from_aside() -> None:
     moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])
     deviation = Deviation.between(moved, rows)
     np.testing.assert_allclose(deviation.position_m, 5e-3)
-    np.testing.assert_allclose(deviation.along_m, 3e-3)
-    np.testing.assert_allclose(deviation.aside_m, 4e-3)
-    np.testing.assert_allclose(deviation.hitch_angle_rad, -1e-3)
+    np.testing.assert_allclose(deviation.position_curves["ahead"], 3e-3)
+    np.testing.assert_allclose(deviation.position_curves["aside"], 4e-3)
+    np.testing.assert_allclose(deviation.angle_curves["hitch"], -1e-3)
     assert deviation.times()["position_over_0.001_m_s"] == 0.0
     assert deviation.times()["position_over_0.01_m_s"] is None
 

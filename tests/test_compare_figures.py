@@ -44,11 +44,11 @@ def test_paths_deviations_slip_and_residuals_are_drawn(
     np.testing.assert_array_equal(curves["paths"]["COM of the trailer"], com.T)
     for name, values in (
         ("distance", off.position_m),
-        ("ahead", off.along_m),
-        ("aside", off.aside_m),
+        ("ahead", off.position_curves["ahead"]),
+        ("aside", off.position_curves["aside"]),
         ("θ1", off.q[:, 2]),
         ("θ2", off.q[:, 3]),
-        ("hitch", off.hitch_angle_rad),
+        ("hitch", off.q[:, 3] - off.q[:, 2]),
     ):
         np.testing.assert_array_equal(y("deviation", name), 1e3 * values)
     for where, slip in (("along", rest.slip_along_m_s), ("aside", rest.slip_aside_m_s)):

@@ -13,6 +13,7 @@ from test_compare import TURN, open_loop
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.motion import ContactRun, follow_wheels, run_contact
+from ttwmr_mj.studies.compare.shooting import VARIANTS, shoot
 
 SHORT = ((0.2, 5.0, 5.0), (0.3, 5.6, 3.2))
 
@@ -97,3 +98,29 @@ def test_the_wheels_turn_as_far_as_in_contact_physics() -> None:
     turned = robot.tractor.wheel_radius_m / robot.tractor.track_width_m * (angle[0] - angle[1])
     # linear from middle to middle: what differs is the speed's change over half a step at each end
     assert rows.q[-1, 0, 2] - rows.q[0, 0, 2] == pytest.approx(turned, abs=1e-4)
+
+
+def test_a_smooth_motion_is_shot_without_marching() -> None:
+    """A pendulum of 200 stretches whose guess is at rest; one parameter is its strength."""
+    asked: list[slice] = []
+    strength = np.array([0.1] * VARIANTS + [0.1 + 1e-4])[:, None]
+
+    def ends(states: FloatArray, which: slice) -> FloatArray:
+        asked.append(which)
+        x, y, theta1, theta2, rate = np.moveaxis(states, -1, 0)
+        rate = rate - strength * np.sin(theta2)
+        x, y = x + 0.1 * np.cos(theta1), y + 0.1 * rate
+        return np.stack([x, y, theta1 + 0.1 * rate, theta2 + 0.1 * rate, rate], axis=-1)
+
+    guess = np.zeros((201, 5))
+    guess[0] = start = np.array([1.0, 2.0, 0.3, 0.8, 0.0])
+    states, slope = shoot(ends, guess, 1)
+    assert asked == [slice(None)] * len(asked)
+    marched = [np.tile(start, (VARIANTS + 1, 1, 1))]
+    for _ in range(200):
+        marched.append(ends(marched[-1], slice(0)))
+    exact = np.array(marched)[:, :, 0]
+    np.testing.assert_allclose(states, exact[:, 0], rtol=0, atol=1e-12)
+    # in a small step of strength, of 1e-3, differences are curved by as much of themselves
+    differences = exact[:, -1] - exact[:, 0]
+    np.testing.assert_allclose(slope[..., 0], differences, rtol=0, atol=2e-2 * np.ptp(differences))

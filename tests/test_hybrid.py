@@ -18,20 +18,6 @@ def random_z_and_v() -> tuple[np.ndarray, np.ndarray]:
     return RNG.uniform(-2, 2, (N, 6)), RNG.uniform(-2, 2, (N, 2))
 
 
-def test_jacobians_against_finite_differences() -> None:
-    z, v = random_z_and_v()
-    by_z, by_v = hybrid.z_rate_jacobians(z, v, ROBOT)
-    step = 1e-6  # central differences of this step are good to 1e-9: roundoff 1e-16/step
-    for column in range(6):
-        shift = step * np.eye(6)[column]
-        change = hybrid.z_rate(z + shift, v, ROBOT) - hybrid.z_rate(z - shift, v, ROBOT)
-        np.testing.assert_allclose(by_z[..., column], change / (2 * step), atol=2e-8)
-    for column in range(2):
-        shift = step * np.eye(2)[column]
-        change = hybrid.z_rate(z, v + shift, ROBOT) - hybrid.z_rate(z, v - shift, ROBOT)
-        np.testing.assert_allclose(by_v[..., column], change / (2 * step), atol=2e-8)
-
-
 @pytest.mark.parametrize("robot", [ROBOT, SPRUNG])
 def test_trailer_obeys_the_kinetic_model_when_the_tractor_moves_alike(
     robot: RobotParameters,

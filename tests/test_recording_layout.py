@@ -161,7 +161,7 @@ def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> 
 
     off, rest = pair.deviation, pair.residuals
     np.testing.assert_array_equal(values("position")[:, 0], 1e3 * off.position_m)
-    np.testing.assert_array_equal(values("position")[:, 2], 1e3 * off.aside_m)
+    np.testing.assert_array_equal(values("position")[:, 2], 1e3 * off.position_curves["aside"])
     np.testing.assert_array_equal(values("angles")[:, 1], 1e3 * off.q[:, 3])
     np.testing.assert_array_equal(values("slip")[:, 3], 1e3 * rest.slip_along_m_s[:, 1])
     np.testing.assert_array_equal(values("residuals")[:, 0], 1e3 * rest.energy_lost_j)

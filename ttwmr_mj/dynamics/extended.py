@@ -21,6 +21,7 @@ Arrays have a leading axis of nsim simulations; every parameter is a number or (
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -28,11 +29,14 @@ from pydantic import Field
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
-from ttwmr_mj.dynamics.kinematics import Value, rolling, to_world
+from ttwmr_mj.dynamics.integrate import runge_kutta
+from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_body, to_world
+from ttwmr_mj.dynamics.kinetics import first_moments
+from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
-GRAVITY_M_S2 = 9.81
+GRAVITY_M_S2 = 9.81  # standard gravity, as in MuJoCo
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
 FADING_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
 STATES = 5  # x, y, θ1, θ2, swing rate
@@ -47,10 +51,7 @@ class ExtendedParameters(Config):
         default=0.0, ge=0, le=10, description="of the speed loop without load; about 2e-5"
     )
     slip_time_s: float = Field(
-        default=0.0,
-        ge=0,
-        le=10,
-        description="side slip of P per centripetal acceleration; about 7e-4",
+        default=0.0, ge=0, le=10, description="side slip of P per centripetal acceleration; 7e-4"
     )
     hitch_damping_n_m_s_rad: float = Field(
         default=0.0, ge=0, le=1e4, description="damper and viscous friction; about 1e-3"
@@ -74,16 +75,26 @@ class ExtendedParameters(Config):
     @classmethod
     def expected(cls, robot: RobotParameters) -> ExtendedParameters:
         """What the robot's own numbers lead to expect; of side slip they say nothing."""
-        inertia = wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
         return cls(
             wheel_radius_m=robot.tractor.wheel_radius_m,
             track_width_m=robot.tractor.track_width_m,
-            servo_time_constant_s=inertia / robot.servo.velocity_gain_n_m_s_rad,
+            servo_time_constant_s=driven_inertia(robot) / robot.servo.velocity_gain_n_m_s_rad,
             hitch_damping_n_m_s_rad=robot.hitch.damping_n_m_s_rad,
             hitch_coulomb_friction_n_m=robot.hitch.coulomb_friction_n_m,
             caster_mass_kg=robot.casters.mass_kg,
             rolling_resistance_m=robot.casters.rolling_resistance_m,
         )
+
+
+class _Motion(NamedTuple):
+    """How the robot moves, (nsim,) each, in SI units."""
+
+    u1: FloatArray  # of P, ahead
+    u2: FloatArray  # θ̇1
+    u1_rate: FloatArray
+    u2_rate: FloatArray
+    hitch: FloatArray  # θ2 − θ1
+    theta2_rate: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,9 +119,8 @@ class ExtendedModel:
     @property
     def swing_inertia_kg_m2(self) -> Value:
         """J2 + m2·l² (Eq. 17) and the trailer's rolling balls, about P."""
-        spacing, length = self.robot.casters.trailer_half_spacing_m, self._length
-        balls = 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
-        return self.robot.swing_inertia_kg_m2 + balls * (length**2 + spacing**2)
+        spacing, length = self.robot.casters.trailer_half_spacing_m, self.robot.trailer.com_offset_m
+        return self.robot.swing_inertia_kg_m2 + self._balls * (length**2 + spacing**2)
 
     def rate(
         self, state: FloatArray, wheels: FloatArray, wheels_rate: FloatArray, lead_s: FloatArray
@@ -125,19 +135,48 @@ class ExtendedModel:
         """
         _, _, theta1, theta2, swing_rate = state
         hitch = theta2 - theta1
-        u1, u2 = self.twist(wheels)
-        u1_rate, u2_rate = self.twist(wheels_rate)
         # once with the ideal speeds for the forces, once with what these leave of them
-        turning = self._theta2_acceleration(u1, u2, u1_rate, u2_rate, hitch, swing_rate)
-        push = self._push(u1, u2, u1_rate, u2_rate, hitch, swing_rate, turning)
-        wheels = wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate)
-        ideal, (u1, u2) = u1, self.twist(wheels)
-        reach = self._tail * self._length / self.swing_inertia_kg_m2 * (u1 - ideal)
+        ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate)
+        push = self._push(ideal, self._theta2_acceleration(ideal))
+        u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
+        reach = (
+            self._tail
+            * self.robot.trailer.com_offset_m
+            / self.swing_inertia_kg_m2
+            * (u1 - ideal.u1)
+        )
         theta2_rate = swing_rate - reach * np.sin(hitch)
-        turning = self._theta2_acceleration(u1, u2, u1_rate, u2_rate, hitch, theta2_rate)
+        turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, theta2_rate=theta2_rate))
         turning += reach * np.cos(hitch) * (theta2_rate - u2)
         velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
         return np.stack([*velocity, u2, theta2_rate, turning])
+
+    def step(self, state: FloatArray, stretch: Stretches) -> FloatArray:
+        """The state (5, nsim) after one Runge-Kutta step over a stretch of each simulation.
+
+        Dry friction acts as an impulse before and after it, and a hitch that it stops is held:
+        second order in the step.
+        """
+        duration_s, start, rate, lead_s = stretch
+        change = duration_s[:, None] * rate
+
+        def slope(share: float, now: FloatArray) -> FloatArray:
+            return self.rate(now, start + share * change, rate, lead_s)
+
+        if not self.dry:
+            return runge_kutta(slope, state, duration_s)
+        before, state = state, state.copy()
+        turn = self.twist(start)[1]
+        state[-1] = self.rub(state[-1], turn, 0.5 * duration_s)
+        held = state[-1] == turn
+        state = runge_kutta(slope, state, duration_s)
+        turn = self.twist(start + change)[1]
+        # a hitch that was held needed none of its friction before the step
+        state[-1] = self.rub(state[-1], turn, np.where(held, 1.0, 0.5) * duration_s)
+        held &= state[-1] == turn
+        rigid = state[THETA1] + before[THETA2] - before[THETA1]
+        state[THETA2] = np.where(held, rigid, state[THETA2])
+        return state
 
     def rub(self, swing_rate: FloatArray, turn: FloatArray, time_s: FloatArray) -> FloatArray:
         """(nsim,) the swing rate after the dry friction of a while; at most the turn rate θ̇1."""
@@ -153,90 +192,84 @@ class ExtendedModel:
         """(u1, u2) by Eq. 8-9 with the effective radius and track."""
         return rolling(wheels, self.values["wheel_radius_m"], self.values["track_width_m"])
 
+    def wheels(self, twist: FloatArray) -> FloatArray:
+        """(nsim, 2) setpoints that drive at a twist (nsim, 2): the inverse of `twist`."""
+        return rolling_wheels(twist, self.values["wheel_radius_m"], self.values["track_width_m"])
+
+    @property
+    def _balls(self) -> Value:
+        """Mass [kg] that the trailer's two balls resist acceleration with."""
+        return 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
+
     @property
     def _tail(self) -> Value:
-        """Mass [kg] that the trailer and its rolling balls pull with."""
-        balls = 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
-        return self.robot.trailer.mass_kg + balls
+        """First moment about P that the trailer and its rolling balls pull with [kg·m]."""
+        return (self.robot.trailer.mass_kg + self._balls) * self.robot.trailer.com_offset_m
 
     @property
-    def _length(self) -> float:
-        return self.robot.trailer.com_offset_m
+    def _drag(self) -> Value:
+        """Resistance of a rolling ball per load."""
+        return self.values["rolling_resistance_m"] / self.robot.casters.radius_m
 
-    def _theta2_acceleration(
-        self,
-        u1: FloatArray,
-        u2: FloatArray,
-        u1_rate: FloatArray,
-        u2_rate: FloatArray,
-        hitch: FloatArray,
-        theta2_rate: FloatArray,
-    ) -> FloatArray:
+    def _hitch_torque(self, motion: _Motion) -> FloatArray:
+        """(nsim,) torque of spring and damper on the trailer [N·m]."""
+        damping = self.values["hitch_damping_n_m_s_rad"] * (motion.theta2_rate - motion.u2)
+        return np.asarray(-self.robot.hitch.stiffness_n_m_rad * motion.hitch - damping)
+
+    def _theta2_acceleration(self, motion: _Motion) -> FloatArray:
         """θ̈2 (Eq. 17) under spring, damper and rolling balls."""
+        u1, u2, u1_rate, u2_rate, hitch, _ = motion
         slip = self.values["slip_time_s"]
         ahead = u1_rate + slip * u1 * u2**2
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
-        cos, sin = np.cos(hitch), np.sin(hitch)
-        torque = self._tail * self._length * sideways(hitch, ahead, left)
-        torque -= self.robot.hitch.stiffness_n_m_rad * hitch
-        torque -= self.values["hitch_damping_n_m_s_rad"] * (theta2_rate - u2)
-        torque += self._rolling_torque(u1, -slip * u1 * u2, cos, sin, theta2_rate)
+        torque = self._tail * sideways(hitch, ahead, left)
+        torque += self._hitch_torque(motion) + self._rolling_torque(motion, -slip * u1 * u2)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
-    def _rolling_torque(
-        self, u1: FloatArray, aside: FloatArray, cos: FloatArray, sin: FloatArray, rate: FloatArray
-    ) -> FloatArray:
-        """Torque about P of the floor on the trailer's two balls."""
-        length, spacing = self._length, self.robot.casters.trailer_half_spacing_m
-        resistance = self.values["rolling_resistance_m"] / self.robot.casters.radius_m
-        drag = 0.5 * resistance * self.robot.trailer.mass_kg * GRAVITY_M_S2
-        across = aside * cos - u1 * sin - length * rate
-        torque = np.zeros_like(u1)
+    def _rolling_torque(self, motion: _Motion, aside: FloatArray) -> FloatArray:
+        """Torque about P of the floor on the trailer's two balls; P slips aside [m/s]."""
+        length, spacing = self.robot.trailer.com_offset_m, self.robot.casters.trailer_half_spacing_m
+        along, across = to_body(motion.hitch, motion.u1, aside)
+        across = across - length * motion.theta2_rate
+        torque = np.zeros_like(along)
         for side in (-spacing, spacing):
-            along, aside_share = _direction(u1 * cos + aside * sin - side * rate, across)
-            torque += length * aside_share + side * along
-        return np.asarray(drag * torque)
+            ahead, left = _direction(along - side * motion.theta2_rate, across)
+            torque += length * left + side * ahead
+        load = 0.5 * self.robot.trailer.mass_kg * GRAVITY_M_S2
+        return np.asarray(self._drag * load * torque)
 
-    def _push(
-        self,
-        u1: FloatArray,
-        u2: FloatArray,
-        u1_rate: FloatArray,
-        u2_rate: FloatArray,
-        hitch: FloatArray,
-        theta2_rate: FloatArray,
-        swing: FloatArray,
-    ) -> FloatArray:
+    def _push(self, motion: _Motion, swing: FloatArray) -> FloatArray:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
+        u1, u2, u1_rate, u2_rate, hitch, theta2_rate = motion
         tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
-        nose, tail = tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * self._length
+        nose, tail = first_moments(self.robot)
         cos, sin = np.cos(hitch), np.sin(hitch)
         force = (tractor.mass_kg + trailer.mass_kg) * u1_rate - nose * u2**2
         force += tail * (sin * swing + cos * theta2_rate**2)
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
-        torque = yaw * u2_rate + nose * u1 * u2
-        torque -= self.robot.hitch.stiffness_n_m_rad * hitch
-        torque -= self.values["hitch_damping_n_m_s_rad"] * (theta2_rate - u2)
+        torque = yaw * u2_rate + nose * u1 * u2 + self._hitch_torque(motion)
         # rolling resistance of the nose's ball, and of the trailer's as far as it drags P along
-        load = nose / casters.tractor_position_m * GRAVITY_M_S2
-        resistance = self.values["rolling_resistance_m"] / casters.radius_m
+        drag = self._drag * nose / casters.tractor_position_m * GRAVITY_M_S2
         ahead, aside = _direction(u1, casters.tractor_position_m * u2)
-        force += resistance * load * ahead
-        torque += resistance * load * casters.tractor_position_m * aside
-        along, across = _direction(u1 * cos, u1 * sin + self._length * theta2_rate)
-        pull = along * cos + across * sin
-        force += resistance * trailer.mass_kg * GRAVITY_M_S2 * pull
+        force += drag * ahead
+        torque += drag * casters.tractor_position_m * aside
+        along, across = _direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
+        force += self._drag * trailer.mass_kg * GRAVITY_M_S2 * (along * cos + across * sin)
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
 
     def _shortfall(self, push: FloatArray, wheels_rate: FloatArray) -> FloatArray:
         """(nsim, 2) wheel speed minus setpoint [rad/s]."""
-        inertia = wheel_inertia(self.robot)[0] + self.robot.servo.reflected_inertia_kg_m2
         lag, radius = (
             np.reshape(self.values[name], (-1, 1))
             for name in ("servo_time_constant_s", "wheel_radius_m")
         )
-        return np.asarray(-lag * (wheels_rate + radius / inertia * push))
+        return np.asarray(-lag * (wheels_rate + radius / driven_inertia(self.robot) * push))
+
+
+def driven_inertia(robot: RobotParameters) -> float:
+    """Of a wheel and its gears about the axle [kg·m²]."""
+    return wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
 
 
 def _direction(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:

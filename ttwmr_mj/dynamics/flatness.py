@@ -70,16 +70,7 @@ def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> F
 def centre_derivatives(
     position: FloatArray, theta2: FloatArray, robot: RobotParameters
 ) -> FloatArray:
-    """F and its derivatives from those of P and θ2: F = P − k·(cos θ2, sin θ2).
-
-    Args:
-        position: (..., m, 2) P and its derivatives.
-        theta2: (..., m) θ2 and its derivatives.
-        robot: its swing length k.
-
-    Returns:
-        (..., m, 2).
-    """
+    """F = P − k·(cos θ2, sin θ2) and its derivatives (..., m, 2), from P's and θ2's (..., m)."""
     direction = _turning(np.moveaxis(theta2, -1, 0))
     return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
 
@@ -107,17 +98,7 @@ def flat_output_acceleration(
     acceleration_m_s2: FloatArray,
     robot: RobotParameters,
 ) -> FloatArray:
-    """F̈ = (v·t + k·θ̇2²)·t, for a free hitch (Eq. 24).
-
-    Args:
-        theta2_rad: (...) trailer orientation.
-        theta2_rate_rad_s: (...) its rate.
-        acceleration_m_s2: (..., 2) v = (ẍ, ÿ) of P.
-        robot: Table I.
-
-    Returns:
-        (..., 2) [m/s²].
-    """
+    """F̈ = (v·t + k·θ̇2²)·t (..., 2) [m/s²] of v = (ẍ, ÿ) (..., 2), for a free hitch (Eq. 24)."""
     along, _ = trailer_axes(theta2_rad)
     size = dot(acceleration_m_s2, along) + robot.swing_length_m * theta2_rate_rad_s**2
     return np.asarray(size[..., None] * along)

@@ -1,7 +1,8 @@
 """Kinematic model (Eq. 1-10): the no-side-slip constraint, its null space, wheels and twist.
 
-All functions work over any leading axes. World frame, SI units; q = (x, y, θ1, θ2) (Eq. 2), or with
-more trailers' angles behind: widths below are those of one trailer.
+All functions work over any leading axes, world frame, SI units. Everywhere, q and q_rate (..., 4)
+are the generalized coordinates (x, y, θ1, θ2) (Eq. 2) and their rates, and workspace_rate (..., 3)
+is ξ̇ = (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s]; with more trailers, their angles follow.
 """
 
 from __future__ import annotations
@@ -15,14 +16,7 @@ Value = FloatArray | float
 
 
 def constraint_matrix(q: FloatArray) -> FloatArray:
-    """A(q) = [sin θ1, −cos θ1, 0, 0] (Eq. 4).
-
-    Args:
-        q: (..., 4) generalized coordinates.
-
-    Returns:
-        (..., 1, 4) the constraint's row; a unit vector pointing to the tractor's right.
-    """
+    """A(q) = [sin θ1, −cos θ1, 0, 0] (Eq. 4), (..., 1, 4): points to the tractor's right."""
     A = np.zeros((*q.shape[:-1], 1, q.shape[-1]))
     A[..., 0, 0] = np.sin(q[..., THETA1])
     A[..., 0, 1] = -np.cos(q[..., THETA1])
@@ -30,28 +24,13 @@ def constraint_matrix(q: FloatArray) -> FloatArray:
 
 
 def constraint_residual(q: FloatArray, q_rate: FloatArray) -> FloatArray:
-    """A(q)·q̇ = ẋ sin θ1 − ẏ cos θ1 (Eq. 3), zero without side slip.
-
-    Args:
-        q: (..., 4) generalized coordinates.
-        q_rate: (..., 4) their rates.
-
-    Returns:
-        (...) speed of P towards the tractor's right [m/s].
-    """
+    """A(q)·q̇ = ẋ sin θ1 − ẏ cos θ1 (Eq. 3): speed (...) of P to the right, zero without slip."""
     _, left = to_body(q[..., THETA1], q_rate[..., 0], q_rate[..., 1])
     return np.asarray(-left)
 
 
 def null_space(q: FloatArray) -> FloatArray:
-    """S(q) with A(q)·S(q) = 0 (Eq. 6).
-
-    Args:
-        q: (..., 4) generalized coordinates.
-
-    Returns:
-        (..., 4, 3) the columns are the motions ṡ, θ̇1, θ̇2.
-    """
+    """S(q) with A(q)·S(q) = 0 (Eq. 6), (..., 4, 3): the columns are the motions ṡ, θ̇1, θ̇2."""
     width = q.shape[-1]
     S = np.zeros((*q.shape[:-1], width, width - 1))
     S[..., 0, 0] = np.cos(q[..., THETA1])
@@ -61,7 +40,7 @@ def null_space(q: FloatArray) -> FloatArray:
 
 
 def null_space_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
-    """dS/dt (Eq. 21), (..., 4, 3), of q (..., 4) moving at q_rate (..., 4)."""
+    """dS/dt (Eq. 21), (..., 4, 3)."""
     S_rate = np.zeros((*q.shape, q.shape[-1] - 1))
     theta1_rate = q_rate[..., THETA1]
     S_rate[..., 0, 0] = -np.sin(q[..., THETA1]) * theta1_rate
@@ -70,30 +49,14 @@ def null_space_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
 
 
 def q_rate(q: FloatArray, workspace_rate: FloatArray) -> FloatArray:
-    """q̇ = S(q)·ξ̇ (Eq. 5, 10).
-
-    Args:
-        q: (..., 4) generalized coordinates.
-        workspace_rate: (..., 3) ξ̇ = (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s].
-
-    Returns:
-        (..., 4) rates of q [m/s, m/s, rad/s, rad/s].
-    """
+    """q̇ = S(q)·ξ̇ (Eq. 5, 10), (..., 4)."""
     theta1, speed = q[..., THETA1], workspace_rate[..., 0]
     velocity = np.stack([speed * np.cos(theta1), speed * np.sin(theta1)], axis=-1)
     return np.concatenate([velocity, workspace_rate[..., 1:]], axis=-1)
 
 
 def workspace_rate(q: FloatArray, q_rate: FloatArray) -> FloatArray:
-    """ξ̇ = Sᵀ(q)·q̇, the inverse of Eq. 5 for motions that respect the constraint.
-
-    Args:
-        q: (..., 4) generalized coordinates.
-        q_rate: (..., 4) their rates; a sideways velocity of P is dropped.
-
-    Returns:
-        (..., 3) (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s].
-    """
+    """ξ̇ = Sᵀ(q)·q̇ (..., 3), the inverse of Eq. 5; a sideways velocity of P is dropped."""
     speed, _ = to_body(q[..., THETA1], q_rate[..., 0], q_rate[..., 1])
     return np.concatenate([speed[..., None], q_rate[..., 2:]], axis=-1)
 

@@ -1,28 +1,26 @@
 """The hybrid model (Eq. 24-29) as a plant: wheels obey their servo exactly, the trailer swings.
 
-The tractor never slips and its wheel speeds follow `dynamics.servo`, so under one command they are
-piecewise linear in time, with a kink where a wheel reaches its commanded speed. Between kinks the
-heading is an exact quadratic, P an integral of known functions (three-point Gauss), and only the
-hitch angle a differential equation (`plants.swing`).
+The tractor never slips. Between the kinks of its wheel speeds the heading is an exact quadratic, P
+an integral of known functions (three-point Gauss), and only the hitch angle a differential
+equation (`plants.swing`).
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
+    rolling,
     twist_from_wheels,
     wheels_from_twist,
     workspace_rate,
 )
-from ttwmr_mj.dynamics.servo import Stretches, cut, ramp
+from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.base import BodilessPlant
+from ttwmr_mj.plants.base import ModelPlant
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -31,17 +29,7 @@ GAUSS_NODES = (0.5 + 0.5 * _NODES)[:, None, None]
 GAUSS_WEIGHTS = (0.5 * _WEIGHTS)[:, None, None]
 
 
-class _Twists(NamedTuple):
-    """The tractor's twist over successive stretches of time, linear, each (stretch, nsim)."""
-
-    duration_s: FloatArray
-    u1: FloatArray  # speed at the start [m/s]
-    u2: FloatArray  # turn rate at the start [rad/s]
-    u1_rate: FloatArray
-    u2_rate: FloatArray
-
-
-class AnalyticPlant(BodilessPlant):
+class AnalyticPlant(ModelPlant):
     """A batch of robots that follow the hybrid model, each under its own command.
 
     A simulation's numbers do not depend on the batch it runs in, and mirrored commands give
@@ -49,10 +37,6 @@ class AnalyticPlant(BodilessPlant):
     of a dry hitch.
 
     The hitch angle φ is the stored coordinate: θ2 = θ1 + φ, so a locked hitch turns rigidly.
-
-    Attributes:
-        nsim: simulations in the batch.
-        time_step_s: the step in which commands are held.
     """
 
     def __init__(
@@ -64,118 +48,75 @@ class AnalyticPlant(BodilessPlant):
         *,
         published_spring: bool = False,
     ) -> None:
-        """Build the plant, at rest at the origin.
+        """Build the plant, at rest at the origin; the arguments are those of its base.
 
-        Args:
-            robot: Table I, hitch and servo limits.
-            nsim: simulations in the batch.
-            time_step_s: duration of one step of `advance`.
-            max_integration_step_s: upper bound of the Runge-Kutta step.
-            published_spring: divide spring and damper torque by k, as printed in Eq. 41, and
-                not by J2 + m2·l².
+        A published spring has its torque and the damper's divided by k, as printed in Eq. 41, and
+        not by J2 + m2·l².
 
         Raises:
             InputError: the integration would be unstable for this hitch.
         """
-        self.nsim = nsim
-        self.time_step_s = time_step_s
         self._robot = robot
-        self._max_step_s = max_integration_step_s
-        self._swing_length_m = robot.swing_length_m
         self._hitch_swing = HitchSwing(robot, published_spring=published_spring)
-        self._reject_unstable_step()
-        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
+        _refuse_unstable_step(max_integration_step_s, self._hitch_swing.longest_step_s, robot.hitch)
+        super().__init__(robot.servo, nsim, time_step_s, max_integration_step_s)
 
     def reset(self, initial: RobotState) -> None:
         """Take over pose and motion; a sideways velocity of P is dropped (Eq. 3)."""
         self._x, self._y, self._theta1 = initial.q[:, :3].T.copy()
         rate = workspace_rate(initial.q, initial.q_rate)
         self._hitch = np.stack([initial.hitch_angle_rad, rate[:, 2] - rate[:, 1]])
-        self._wheels = wheels_from_twist(rate[:, :2], self._robot)
+        self._setpoint = wheels_from_twist(rate[:, :2], self._robot)
 
     def state(self) -> RobotState:
         """The state now, as fresh arrays."""
-        twist = twist_from_wheels(self._wheels, self._robot)
+        twist = twist_from_wheels(self._setpoint, self._robot)
         q = np.stack([self._x, self._y, self._theta1, self._theta1 + self._hitch[0]], axis=-1)
         theta2_rate = twist[:, 1] + self._hitch[1]
         return RobotState(q=q, q_rate=q_rate(q, np.column_stack([twist, theta2_rate])))
 
-    def wheel_speed_rad_s(self) -> FloatArray:
-        """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
-        return self._wheels.copy()
-
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
         sums = self._x + self._y + self._theta1 + self._hitch.sum(axis=0)
-        return np.asarray(~np.isfinite(sums + self._wheels.sum(axis=-1)))
-
-    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
-        """Hold commanded wheel speeds for a time.
-
-        Args:
-            wheel_command_rad_s: (nsim, 2) right, left; the servo's limits apply.
-            steps: number of `time_step_s`, at least one.
-        """
-        servo, duration_s = self._robot.servo, steps * self.time_step_s
-        stretches = cut(self._wheels, wheel_command_rad_s, servo, duration_s, self._max_step_s)
-        end = ramp(self._wheels, wheel_command_rad_s, servo, np.array([duration_s]))[:, 0]
-        self.follow(stretches.lasting, end)
+        return np.asarray(~np.isfinite(sums + self._setpoint.sum(axis=-1)))
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
-        """Turn the wheels as told, whatever the servo could do.
-
-        Args:
-            stretches: what the wheels do, from their speeds now on; none longer than the plant's
-                integration step.
-            end_rad_s: (nsim, 2) wheel speeds at their end.
-        """
-        motion = _Twists(
-            stretches.duration_s,
-            *np.moveaxis(twist_from_wheels(stretches.speed_rad_s, self._robot), -1, 0),
-            *np.moveaxis(twist_from_wheels(stretches.rate_rad_s2, self._robot), -1, 0),
-        )
-        self._roll(motion)
-        self._swing(motion)
-        self._wheels = end_rad_s
-
-    def _roll(self, motion: _Twists) -> None:
-        """Move P and turn the tractor (Eq. 10)."""
-        duration = motion.duration_s
-        turns = duration * (motion.u2 + 0.5 * motion.u2_rate * duration)
+        """As its base says."""
+        tractor, duration = self._robot.tractor, stretches.duration_s
+        wheels = tractor.wheel_radius_m, tractor.track_width_m
+        u1, u2 = rolling(stretches.speed_rad_s, *wheels)  # (stretch, nsim), linear in time
+        u1_rate, u2_rate = rolling(stretches.rate_rad_s2, *wheels)
+        # the tractor turns and P moves (Eq. 10)
+        turns = duration * (u2 + 0.5 * u2_rate * duration)
         # accumulate, unlike sum, adds in the same order whatever the batch size.
         headings = np.add.accumulate(np.concatenate([self._theta1[None], turns]))
         time = GAUSS_NODES * duration
-        theta1 = headings[:-1] + time * (motion.u2 + 0.5 * motion.u2_rate * time)
-        travel = GAUSS_WEIGHTS * duration * (motion.u1 + motion.u1_rate * time)
+        theta1 = headings[:-1] + time * (u2 + 0.5 * u2_rate * time)
+        travel = GAUSS_WEIGHTS * duration * (u1 + u1_rate * time)
         self._x = self._x + _total(travel * np.cos(theta1))
         self._y = self._y + _total(travel * np.sin(theta1))
         self._theta1 = headings[-1]
-
-    def _swing(self, motion: _Twists) -> None:
-        """Integrate the hitch angle over every stretch in turn."""
-        duration = motion.duration_s
-        fractions = np.array([0.0, 0.5, 1.0])[:, None, None] * duration
-        centripetal = (motion.u1 + fractions * motion.u1_rate) * (
-            motion.u2 + fractions * motion.u2_rate
-        )
-        ahead, left = motion.u1_rate / self._swing_length_m, centripetal / self._swing_length_m
+        # the trailer swings, stretch after stretch
+        time = np.array([0.0, 0.5, 1.0])[:, None, None] * duration
+        left = (u1 + time * u1_rate) * (u2 + time * u2_rate) / self._robot.swing_length_m
+        ahead = u1_rate / self._robot.swing_length_m
         for k in range(len(duration)):
-            forcing = Forcing(duration[k], ahead[k], left[:, k], -motion.u2_rate[k])
+            forcing = Forcing(duration[k], ahead[k], left[:, k], -u2_rate[k])
             self._hitch = self._hitch_swing.step(self._hitch, forcing)
+        self._setpoint = end_rad_s
 
-    def _reject_unstable_step(self) -> None:
-        longest_s = self._hitch_swing.longest_step_s
-        if self._max_step_s > longest_s:
-            hitch = self._robot.hitch
-            raise InputError.at(
-                "plant.analytic.max_step_s",
-                "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
-                f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
-                f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
-                got=f"{self._max_step_s:g}",
-                allowed=f"at most {longest_s:.3g}",
-                hint="lower it, or the spring's and damper's constants",
-            )
+
+def _refuse_unstable_step(step_s: float, longest_s: float, hitch: Hitch) -> None:
+    if step_s > longest_s:
+        raise InputError.at(
+            "plant.analytic.max_step_s",
+            "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
+            f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
+            f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
+            got=f"{step_s:g}",
+            allowed=f"at most {longest_s:.3g}",
+            hint="lower it, or the spring's and damper's constants",
+        )
 
 
 def _total(parts: FloatArray) -> FloatArray:

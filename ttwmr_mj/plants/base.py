@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from typing import Protocol
 
 import numpy as np
 
+from ttwmr_mj.dynamics.servo import Stretches, cut, ramp
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 
@@ -24,53 +26,94 @@ class Plant(Protocol):
 
     def reset(self, initial: RobotState) -> None:
         """Put every robot at rest or in motion as `initial` says, servos at that wheel speed."""
-        ...
 
     def state(self) -> RobotState:
         """The true state now, as fresh arrays."""
-        ...
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) true wheel speeds (right, left)."""
-        ...
 
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
-        ...
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push "tractor" or "trailer" with forces (2,) or (nsim, 2), world frame."""
-        ...
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo's generalized positions; nq = 0 where there is no such thing."""
-        ...
 
     def contact_readings(self) -> FloatArray:
         """(nsim, ncontact, 15) contact sensors; ncontact = 0 where there are no contacts."""
-        ...
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations whose physics broke."""
-        ...
 
     def fault(self, index: int) -> str:
         """What broke in one failed simulation, in words."""
-        ...
 
 
-class BodilessPlant(ABC):
-    """What plants made of equations have in common: no joints, no contacts, nothing to push.
+class ModelPlant(Plant):
+    """What plants made of equations have in common: servos, and no joints, contacts or pushes.
+
+    Wheels follow `dynamics.servo`, so under one command they are piecewise linear in time, with a
+    kink where a setpoint arrives. The plant moves over stretches of time between these.
 
     Attributes:
         nsim: simulations in the batch.
+        time_step_s: the step in which commands are held.
     """
 
-    nsim: int
+    _setpoint: FloatArray  # (nsim, 2) of the wheels, as of `reset` and `follow`
+
+    def __init__(
+        self,
+        servo: Servo,
+        nsim: int,
+        time_step_s: float,
+        max_integration_step_s: float,
+        physics_step_s: float = 0.0,
+    ) -> None:
+        """Build the plant, at rest at the origin.
+
+        Args:
+            servo: its limits.
+            nsim: simulations in the batch.
+            time_step_s: duration of one step of `advance`.
+            max_integration_step_s: upper bound of the Runge-Kutta step.
+            physics_step_s: as of `servo.cut`.
+        """
+        self.nsim = nsim
+        self.time_step_s = time_step_s
+        self._servo = servo
+        self._longest_s = max_integration_step_s
+        self._physics_step_s = physics_step_s
+        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
 
     @abstractmethod
-    def state(self) -> RobotState:
-        """The state now, as fresh arrays."""
+    def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
+        """Turn the wheels as told, whatever the servo could do.
+
+        Args:
+            stretches: what the wheels do, from their speeds now on; none longer than the plant's
+                integration step.
+            end_rad_s: (nsim, 2) wheel speeds at their end, the new `_setpoint`.
+        """
+
+    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
+        """Hold commanded wheel speeds for a time.
+
+        Args:
+            wheel_command_rad_s: (nsim, 2) right, left; the servo's limits apply.
+            steps: number of `time_step_s`, at least one.
+        """
+        command = self._setpoint, wheel_command_rad_s, self._servo
+        duration_s = steps * self.time_step_s
+        stretches = cut(*command, duration_s, self._longest_s, self._physics_step_s)
+        self.follow(stretches.lasting, ramp(*command, np.array([duration_s]))[:, 0])
+
+    def wheel_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
+        return self._setpoint.copy()
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """Refused: the tractor's motion is prescribed, a force on it has no meaning here.

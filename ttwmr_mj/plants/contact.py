@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -24,19 +24,15 @@ SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well 
 SETTLED_DECIMALS = 15
 
 
-@dataclass(frozen=True, slots=True)
-class WheelContacts:
-    """What the floor does to each wheel and ball, in the order of `mjcf.CONTACTS`.
+class WheelContacts(NamedTuple):
+    """What the floor does to each wheel and ball (..., 5, 3), in the order of `mjcf.CONTACTS`.
 
-    Attributes:
-        force_n: (nsim, 5, 3) force of the floor on the robot, world frame; zero without contact.
-        position_m: (nsim, 5, 3) contact points, world frame.
-        slip_m_s: (nsim, 5, 3) velocity of the robot's surface over the floor, world frame.
+    World frame.
     """
 
-    force_n: FloatArray
-    position_m: FloatArray
-    slip_m_s: FloatArray
+    force_n: FloatArray  # of the floor on the robot; zero without contact
+    position_m: FloatArray  # contact points
+    slip_m_s: FloatArray  # velocity of the robot's surface over the floor
 
 
 class ContactPlant:

@@ -30,10 +30,10 @@ import numpy as np
 
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
-from ttwmr_mj.studies.compare.replays import Progress, in_threads
+from ttwmr_mj.studies.compare.variants import Progress, in_threads
 
 # The quantity's name, its columns of Deviation.q, its unit.
 QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
@@ -44,23 +44,24 @@ LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
 
 @dataclass(frozen=True, slots=True)
 class Contribution:
-    """One line of a table, in the quantity's unit.
+    """One line of a table, in the quantity's unit."""
 
-    Attributes:
-        name: of the effect, or "higher_interactions", "rest", "total".
-        alone: switched on from the ideal; None where that means nothing.
-        interaction: half of (removed − alone).
-        size: alone + interaction; these add up to the total.
-        share: size per total; None if the total is zero.
-        rms: over time, whatever its direction.
-    """
+    name: str  # of the effect, or "higher_interactions", "rest", "total"
+    alone: float | None  # switched on from the ideal; None where that means nothing
+    interaction: float | None  # half of (removed − alone)
+    size: float  # alone + interaction; these add up to the total
+    share: float | None  # size per total; None if the total is zero
+    rms: float  # over time, whatever its direction
 
-    name: str
-    alone: float | None
-    interaction: float | None
-    size: float
-    share: float | None
-    rms: float
+    def as_json(self, unit: str) -> dict[str, float | None]:
+        """Plain data with the unit in the keys."""
+        return {
+            f"alone_{unit}": self.alone,
+            f"interaction_{unit}": self.interaction,
+            f"contribution_{unit}": self.size,
+            "share": self.share,
+            f"rms_{unit}": self.rms,
+        }
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,19 +78,10 @@ class Attribution:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
-        tables = {}
-        for quantity, rows in self.tables.items():
-            unit = QUANTITIES[quantity][1]
-            tables[quantity] = {
-                row.name: {
-                    f"alone_{unit}": row.alone,
-                    f"interaction_{unit}": row.interaction,
-                    f"contribution_{unit}": row.size,
-                    "share": row.share,
-                    f"rms_{unit}": row.rms,
-                }
-                for row in rows
-            }
+        tables = {
+            quantity: {row.name: row.as_json(QUANTITIES[quantity][1]) for row in rows}
+            for quantity, rows in self.tables.items()
+        }
         notes = {name: note for name in self.tables if (note := self.note(name))}
         return {"present": list(self.present), **tables, "notes": notes}
 
@@ -115,12 +107,9 @@ class Attribution:
 def attribute(
     scenario: Scenario, commands: FloatArray, progress: Progress | None = None
 ) -> Attribution:
-    """Run the design and make the tables.
+    """Run the design around a full model and make the tables.
 
-    Args:
-        scenario: the full model.
-        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        progress: called with the share of the work done.
+    Commands are wheel speeds (n, 2) (right, left), one per control period [rad/s].
     """
     present = [effect for effect in EFFECTS if effect.present(scenario)]
     names = frozenset(effect.name for effect in present)
@@ -135,17 +124,16 @@ def attribute(
         contact = replay_contact(variant, commands)
         return Deviation.between(contact, replay_analytic(variant, commands)).q
 
-    sets = {frozenset(), names}.union(*pairs.values())
-    variants = {on: with_effects(scenario, on) for on in sorted(sets, key=sorted)}
-    delta = dict(zip(variants, in_threads(deviation, [*variants.values()], progress), strict=True))
+    sets = sorted({frozenset(), names}.union(*pairs.values()), key=sorted)
+    variants = [with_effects(scenario, on) for on in sets]
+    delta = dict(zip(sets, in_threads(deviation, variants, progress), strict=True))
     contributions = {}
-    measured = np.zeros_like(delta[names])
+    higher = delta[names] - delta[frozenset()]
     for effect in present:
         ideal_with, ideal, full, full_without = (delta[on] for on in pairs[effect.name])
         alone, removed = ideal_with - ideal, full - full_without
         contributions[effect.name] = (alone / effect.reach(scenario), 0.5 * (removed - alone))
-        measured += 0.5 * (removed + alone)
-    higher = delta[names] - delta[frozenset()] - measured
+        higher -= 0.5 * (removed + alone)
     tables = {
         quantity: table(contributions, higher, delta[names], columns)
         for quantity, (columns, _) in QUANTITIES.items()
@@ -168,23 +156,24 @@ def table(
         columns: of δ, that make the quantity.
     """
     whole = total[:, columns]
-    size = float(np.sqrt(np.mean((whole**2).sum(axis=1))))
-
-    def measure(part: FloatArray) -> tuple[float, float]:
-        """The part's projection on the total and its own rms."""
-        part = part[:, columns]
-        along = float((part * whole).sum() / (whole**2).sum()) * size if size else 0.0
-        return along, float(np.sqrt(np.mean((part**2).sum(axis=1))))
+    size, power = _size(whole), float((whole**2).sum())
 
     def row(name: str, part: FloatArray, alone: FloatArray | None = None) -> Contribution:
-        along, own = measure(part)
-        first = None if alone is None else measure(alone)[0]
+        along = project(part)
+        first = None if alone is None else project(alone)
         second = None if first is None else along - first
-        return Contribution(name, first, second, along, along / size if size else None, own)
+        share = along / size if size else None
+        return Contribution(name, first, second, along, share, _size(part[:, columns]))
+
+    def project(part: FloatArray) -> float:
+        return float((part[:, columns] * whole).sum() / power) * size if size else 0.0
 
     rows = [row(name, a + i, a) for name, (a, i) in contributions.items()]
     explained = sum((a + i for a, i in contributions.values()), higher)
-    rows.append(row("higher_interactions", higher))
-    rows.append(row("rest", total - explained))
-    rows.append(row("total", total))
-    return tuple(rows)
+    rest = {"higher_interactions": higher, "rest": total - explained, "total": total}
+    return (*rows, *(row(name, part) for name, part in rest.items()))
+
+
+def _size(part: FloatArray) -> float:
+    """Rms over time of a vector (n, columns)."""
+    return rms(np.hypot.reduce(part, axis=1))

@@ -17,8 +17,7 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.effects import IDEAL_STALL_TORQUE_N_M
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
-from ttwmr_mj.studies.compare.replays import Progress, in_threads
-from ttwmr_mj.studies.compare.variant import changed
+from ttwmr_mj.studies.compare.variants import Progress, changed, in_threads
 
 LEVELS = 4  # 1, 1/2, 1/4, 1/8: the finest takes half of the time
 MEASURES = (
@@ -31,17 +30,14 @@ MEASURES = (
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """A convergence study.
+    """A convergence study, for each of `MEASURES`.
 
-    Attributes:
-        timestep_s: (levels,) the coarsest first.
-        deviations: measure, of `MEASURES` → (levels,) deviations.
-        orders: measure → p of a least-squares line through the logarithms; None if a deviation is
-            zero or undefined.
+    An order is p of a least-squares line through the logarithms; None if a deviation is zero or
+    undefined.
     """
 
-    timestep_s: FloatArray
-    deviations: dict[str, FloatArray]
+    timestep_s: FloatArray  # (levels,) the coarsest first
+    deviations: dict[str, FloatArray]  # (levels,)
     orders: dict[str, float | None]
 
     def as_json(self) -> dict[str, Any]:
@@ -54,32 +50,22 @@ def refined(scenario: Scenario, level: int) -> Scenario:
     """The scenario 2^level times closer to the ideal; at level 0 its servo just cannot saturate."""
     factor = 2.0**level
     contact, robot = scenario.plant.contact, scenario.robot
-    return changed(
-        scenario,
-        {
-            "plant.contact.timestep_s": contact.timestep_s / factor,
-            "plant.contact.contact_time_constant_s": contact.contact_time_constant_s / factor,
-            "robot.casters.mass_kg": robot.casters.mass_kg / factor,
-            "robot.servo.velocity_gain_n_m_s_rad": robot.servo.velocity_gain_n_m_s_rad * factor,
-            # a stiff servo that saturates would bang from limit to limit
-            "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
-        },
-    )
+    values = {
+        "plant.contact.timestep_s": contact.timestep_s / factor,
+        "plant.contact.contact_time_constant_s": contact.contact_time_constant_s / factor,
+        "robot.casters.mass_kg": robot.casters.mass_kg / factor,
+        "robot.servo.velocity_gain_n_m_s_rad": robot.servo.velocity_gain_n_m_s_rad * factor,
+        "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
+    }
+    return changed(scenario, values)
 
 
 def converge(
-    scenario: Scenario,
-    commands: FloatArray,
-    progress: Progress | None = None,
-    levels: int = LEVELS,
+    scenario: Scenario, commands: FloatArray, progress: Progress | None = None, levels: int = LEVELS
 ) -> Convergence:
-    """Run every level under one command history.
+    """Run every level, two at least, from the scenario on under one command history.
 
-    Args:
-        scenario: the coarsest level.
-        commands: (n, 2) wheel speeds (right, left), one per control period [rad/s].
-        progress: called with the share of the work done.
-        levels: how many, two at least.
+    Commands are wheel speeds (n, 2) (right, left), one per control period [rad/s].
     """
     variants = [refined(scenario, level) for level in range(levels)]
     analytic = replay_analytic(scenario, commands)

@@ -59,41 +59,33 @@ class Deviation:
         return np.asarray(np.hypot(self.q[:, 0], self.q[:, 1]))
 
     @property
-    def along_m(self) -> FloatArray:
-        """(n,) part of it along the analytic tractor's heading."""
-        return to_body(self.heading_rad, self.q[:, 0], self.q[:, 1])[0]
+    def position_curves(self) -> dict[str, FloatArray]:
+        """That distance, and its parts ahead and to the left of the analytic tractor (n,) [m]."""
+        along, aside = to_body(self.heading_rad, self.q[:, 0], self.q[:, 1])
+        return {"distance": self.position_m, "ahead": along, "aside": aside}
 
     @property
-    def aside_m(self) -> FloatArray:
-        """(n,) part of it to the analytic tractor's left."""
-        return to_body(self.heading_rad, self.q[:, 0], self.q[:, 1])[1]
-
-    @property
-    def hitch_angle_rad(self) -> FloatArray:
-        """(n,) difference of θ2 − θ1."""
-        return np.asarray(self.q[:, THETA2] - self.q[:, THETA1])
-
-    def exceeds_at_s(self, values: FloatArray, bound: float) -> float | None:
-        """When |values| (n,) first exceeds a bound, or None."""
-        beyond = np.flatnonzero(np.abs(values) > bound)
-        return float(self.time_s[beyond[0]]) if beyond.size else None
+    def angle_curves(self) -> dict[str, FloatArray]:
+        """Differences of the angles (n,) [rad]."""
+        theta1, theta2 = self.q[:, THETA1], self.q[:, THETA2]
+        return {"θ1": theta1, "θ2": theta2, "hitch": theta2 - theta1}
 
     def numbers(self) -> Numbers:
         """Keys and numbers of compare.json; a share of the path is None where nobody moved."""
         path = float(self.path_m[-1])
-        position = self.position_m
+        position, along, aside = self.position_curves.values()
         numbers: Numbers = {
             "path_length_m": path,
-            "position_deviation_max_m": float(position.max()),
+            "position_deviation_max_m": largest(position),
             "position_deviation_rms_m": rms(position),
             "position_deviation_final_m": float(position[-1]),
-            "position_deviation_per_path": float(position.max()) / path if path > 0.0 else None,
-            "along_deviation_max_m": _largest(self.along_m),
-            "aside_deviation_max_m": _largest(self.aside_m),
+            "position_deviation_per_path": largest(position) / path if path > 0.0 else None,
+            "along_deviation_max_m": largest(along),
+            "aside_deviation_max_m": largest(aside),
         }
-        angles = {"theta1": self.q[:, THETA1], "theta2": self.q[:, THETA2]}
-        for name, angle in {**angles, "hitch_angle": self.hitch_angle_rad}.items():
-            numbers[f"{name}_deviation_max_rad"] = _largest(angle)
+        names = ("theta1", "theta2", "hitch_angle")
+        for name, angle in zip(names, self.angle_curves.values(), strict=True):
+            numbers[f"{name}_deviation_max_rad"] = largest(angle)
             numbers[f"{name}_deviation_rms_rad"] = rms(angle)
         return numbers
 
@@ -103,7 +95,8 @@ class Deviation:
         for name, column in (("theta1", THETA1), ("theta2", THETA2)):
             for bound in ANGLE_BOUNDS_RAD:
                 named[f"{name}_over_{bound:g}_rad_s"] = (self.q[:, column], bound)
-        return {name: self.exceeds_at_s(*pair) for name, pair in named.items()}
+        beyond = {name: np.flatnonzero(np.abs(a) > bound) for name, (a, bound) in named.items()}
+        return {k: float(self.time_s[at[0]]) if at.size else None for k, at in beyond.items()}
 
 
 def rms(values: FloatArray) -> float:
@@ -111,5 +104,6 @@ def rms(values: FloatArray) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _largest(values: FloatArray) -> float:
+def largest(values: FloatArray) -> float:
+    """Of the absolute values."""
     return float(np.abs(values).max())

@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from typing import Any
 
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.compare.variant import changed
+from ttwmr_mj.studies.compare.variants import changed
 
 Values = dict[str, Any]
 
 IDEAL_STEPS = 4  # in one step of the scenario: more cost time and shrink the unexplained rest
-STEPS_PER_TIME_CONSTANT = 2  # MuJoCo allows no stiffer contact
+LEAST_STEPS = 2  # in a time constant: MuJoCo allows no stiffer contact
 IDEAL_SERVO_GAIN = 1e3  # N·m·s/rad: the wheels lag by a millionth of a second
 IDEAL_STALL_TORQUE_N_M = 1e3  # a stiff servo that saturates would bang from limit to limit
-IDEAL_CASTER_MASS_KG = 1e-5
+IDEAL_CASTER_MASS_KG = 1e-5  # a hundredth of the lab robot's; MuJoCo allows no zero
+STEP, TIME_CONSTANT = "plant.contact.timestep_s", "plant.contact.contact_time_constant_s"
+CASTER_MASS = "robot.casters.mass_kg"
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,45 +52,33 @@ class Effect:
         return 1.0 - left / _value(scenario, self.size)
 
 
-def ideal_step_s(scenario: Scenario) -> float:
-    """The step of the ideal: a whole fraction of the scenario's."""
-    return scenario.plant.contact.timestep_s / IDEAL_STEPS
-
-
-def _ideal_servo(scenario: Scenario) -> Values:
-    del scenario
-    return {
-        "robot.servo.velocity_gain_n_m_s_rad": IDEAL_SERVO_GAIN,
-        "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
-    }
-
-
-def _stiff_contact(scenario: Scenario) -> Values:
-    ideal = STEPS_PER_TIME_CONSTANT * ideal_step_s(scenario)
-    now = scenario.plant.contact.contact_time_constant_s
-    return {"plant.contact.contact_time_constant_s": min(now, ideal)}
-
-
 EFFECTS = (
-    Effect("servo", "servo lag and droop", _ideal_servo),
+    Effect(
+        "servo",
+        "servo lag and droop",
+        lambda _: {
+            "robot.servo.velocity_gain_n_m_s_rad": IDEAL_SERVO_GAIN,
+            "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
+        },
+    ),
     Effect(
         "contact_compliance",
         "contact compliance (creep)",
-        _stiff_contact,
-        size="plant.contact.contact_time_constant_s",
+        lambda s: {
+            TIME_CONSTANT: min(
+                _value(s, TIME_CONSTANT), LEAST_STEPS * _value(s, STEP) / IDEAL_STEPS
+            )
+        },
+        size=TIME_CONSTANT,
     ),
     Effect(
-        "wheel_width",
-        "wheel width (scrub)",
-        lambda _: {"robot.tractor.wheel_shape": "ellipsoid"},
+        "wheel_width", "wheel width (scrub)", lambda _: {"robot.tractor.wheel_shape": "ellipsoid"}
     ),
     Effect(
         "caster_inertia",
         "caster inertia",
-        lambda s: {
-            "robot.casters.mass_kg": min(s.robot.casters.mass_kg, IDEAL_CASTER_MASS_KG),
-        },
-        size="robot.casters.mass_kg",
+        lambda s: {CASTER_MASS: min(_value(s, CASTER_MASS), IDEAL_CASTER_MASS_KG)},
+        size=CASTER_MASS,
     ),
     Effect(
         "rolling_resistance",
@@ -98,17 +88,14 @@ EFFECTS = (
     Effect(
         "hitch_friction",
         "hitch friction",
-        lambda _: {
-            "robot.hitch.damping_n_m_s_rad": 0.0,
-            "robot.hitch.coulomb_friction_n_m": 0.0,
-        },
+        lambda _: {"robot.hitch.damping_n_m_s_rad": 0.0, "robot.hitch.coulomb_friction_n_m": 0.0},
     ),
     Effect(
         "timestep",
         "timestep",
-        lambda s: {"plant.contact.timestep_s": ideal_step_s(s)},
+        lambda s: {STEP: _value(s, STEP) / IDEAL_STEPS},
         needs=("contact_compliance",),
-        size="plant.contact.timestep_s",
+        size=STEP,
     ),
 )
 

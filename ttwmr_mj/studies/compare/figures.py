@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -21,10 +22,11 @@ from ttwmr_mj.figures.style import (
     TRAILER,
 )
 from ttwmr_mj.results.curves import trailer_com
-from ttwmr_mj.studies.compare.text import NAMES, SYMBOLS
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.attribution import QUANTITIES
+from ttwmr_mj.studies.compare.text import NAMES, SYMBOLS, percent
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
     from ttwmr_mj.studies.compare.attribution import Attribution, Contribution
@@ -36,6 +38,7 @@ SIZE_IN = (5.6, 3.4)
 TALL_SIZE_IN = (5.6, 4.6)
 WORTHWHILE = 5.0  # a fit should make deviations smaller by at least this factor (README's table)
 NOTHING = 5e-4  # share of the total that is shown as 0.0 %
+BAR_COLOURS = {"total": INK, "rest": GREY, "higher_interactions": GREY}
 
 
 def write_compare_figures(
@@ -48,13 +51,8 @@ def write_compare_figures(
 ) -> list[Path]:
     """Draw what was found, NAME.png and NAME.svg each; the same results give the same bytes.
 
-    Args:
-        pair: the two runs: paths, deviation, slip, residuals.
-        folder: where the files go; made if missing.
-        title: of every figure.
-        attribution: drawn as bars, if given.
-        convergence: deviations over the step, if given.
-        fit: by how much deviations fell, if given.
+    Of the pair, paths, deviation, slip and residuals; the studies where they are given. The folder
+    is made if missing, and every figure has the title.
     """
     drawings: dict[str, Draw] = {
         "paths": partial(_draw_paths, pair=pair),
@@ -86,43 +84,41 @@ def _draw_paths(figure: Figure, pair: Pair) -> None:
 
 
 def _draw_deviation(figure: Figure, pair: Pair) -> None:
-    figure.set_size_inches(TALL_SIZE_IN)
     deviation = pair.deviation
-    upper, lower = figure.subplots(2, sharex=True)
-    for values, name, colour in (
-        (deviation.position_m, "distance", TRACTOR),
-        (deviation.along_m, "ahead", HITCH),
-        (deviation.aside_m, "aside", TRAILER),
-    ):
-        upper.plot(deviation.time_s, 1e3 * values, color=colour, label=name)
-    for values, name, colour in (
-        (deviation.q[:, 2], "θ1", TRACTOR),
-        (deviation.q[:, 3], "θ2", TRAILER),
-        (deviation.hitch_angle_rad, "hitch", HITCH),
-    ):
-        lower.plot(deviation.time_s, 1e3 * values, color=colour, label=name)
-    upper.set_ylabel("P, contact −\nanalytic [mm]")
-    lower.set(ylabel="angles [mrad]", xlabel="time [s]")
-    _beside(upper, lower)
+    panels = {
+        "P, contact −\nanalytic [mm]": (deviation.position_curves, (TRACTOR, HITCH, TRAILER)),
+        "angles [mrad]": (deviation.angle_curves, (TRACTOR, TRAILER, HITCH)),
+    }
+    _over_time(figure, deviation.time_s, panels, (1.5, 1.5, 1.5))
 
 
 def _draw_slip(figure: Figure, pair: Pair) -> None:
+    slip = {"along": pair.residuals.slip_along_m_s, "aside": pair.residuals.slip_aside_m_s}
+    panels = {
+        f"wheel slip\n{where} [mm/s]": ({"right": v[:, 0], "left": v[:, 1]}, (RIGHT, LEFT))
+        for where, v in slip.items()
+    }
+    # one curve may hide the other, as both wheels slip aside together
+    _over_time(figure, pair.residuals.time_s, panels, (3.0, 1.0))
+
+
+def _over_time(
+    figure: Figure,
+    time_s: FloatArray,
+    panels: Mapping[str, tuple[dict[str, FloatArray], Sequence[str]]],
+    widths: Sequence[float],
+) -> None:
+    """Named curves, a thousandfold, one panel below the other: label → curves and colours."""
     figure.set_size_inches(TALL_SIZE_IN)
-    residuals = pair.residuals
-    upper, lower = figure.subplots(2, sharex=True)
-    for axes, slip, where in (
-        (upper, residuals.slip_along_m_s, "along"),
-        (lower, residuals.slip_aside_m_s, "aside"),
-    ):
-        for wheel, (name, colour) in enumerate((("right", RIGHT), ("left", LEFT))):
-            # one curve may hide the other, as both wheels slip aside together
-            width = 3.0 if wheel == 0 else 1.0
-            axes.plot(
-                residuals.time_s, 1e3 * slip[:, wheel], color=colour, linewidth=width, label=name
-            )
-        axes.set_ylabel(f"wheel slip\n{where} [mm/s]")
-    lower.set_xlabel("time [s]")
-    _beside(upper, lower)
+    rows = figure.subplots(len(panels), sharex=True)
+    for axes, (label, (curves, colours)) in zip(rows, panels.items(), strict=True):
+        for (name, values), colour, width in zip(curves.items(), colours, widths, strict=True):
+            axes.plot(time_s, 1e3 * values, color=colour, linewidth=width, label=name)
+        axes.set_ylabel(label)
+        axes.margins(x=0.01)
+        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # where it hides nothing
+    rows[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
 
 
 def _draw_residuals(figure: Figure, pair: Pair) -> None:
@@ -138,22 +134,18 @@ def _draw_residuals(figure: Figure, pair: Pair) -> None:
 
 def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
     figure.set_size_inches(7.2, 3.4)
-    for axes, (quantity, unit) in zip(
-        figure.subplots(1, 2, sharey=True), (("position", "mm"), ("theta2", "mrad")), strict=True
-    ):
+    panels = zip(figure.subplots(1, 2, sharey=True), SYMBOLS.items(), strict=True)
+    for axes, (quantity, symbol) in panels:
         rows = attribution.tables[quantity][::-1]
-        colours = [_bar_colour(row.name) for row in rows]
         bars = axes.barh(
             [NAMES[row.name] for row in rows],
             # a negative nothing would put its label on the names
             [0.0 if _is_nothing(row) else 1e3 * row.size for row in rows],
-            color=colours,
+            color=[BAR_COLOURS.get(row.name, TRACTOR) for row in rows],
         )
-        shares = [None if row.share is None else 100.0 * row.share for row in rows]
-        labels = ["" if share is None else f"{round(share, 1) + 0.0:.1f} %" for share in shares]
-        axes.bar_label(bars, labels, padding=3, fontsize=7.5)
+        axes.bar_label(bars, [percent(row.share) for row in rows], padding=3, fontsize=7.5)
         axes.axvline(0.0, color=INK, linewidth=0.8)
-        axes.set_title(f"rms deviation of {SYMBOLS[quantity]} [{unit}]")
+        axes.set_title(f"rms deviation of {symbol} [m{QUANTITIES[quantity][1]}]")
         axes.margins(x=0.3)
         axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
@@ -161,10 +153,6 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
 
 def _is_nothing(row: Contribution) -> bool:
     return row.share is not None and abs(row.share) < NOTHING
-
-
-def _bar_colour(name: str) -> str:
-    return {"total": INK, "rest": GREY, "higher_interactions": GREY}.get(name, TRACTOR)
 
 
 def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
@@ -189,35 +177,19 @@ def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
 
 def _draw_fit(figure: Figure, fit: Fit) -> None:
     axes = figure.subplots()
-    names = {
-        "position_deviation_rms_m": "P, rms",
-        "position_deviation_max_m": "P, largest",
-        "theta1_deviation_rms_rad": "θ1, rms",
-        "theta2_deviation_rms_rad": "θ2, rms",
-        "theta2_deviation_max_rad": "θ2, largest",
-    }
+    names = ["P, rms", "P, largest", "θ1, rms", "θ2, rms", "θ2, largest"]  # as in fit.MEASURES
     place = np.arange(len(names))
     for offset, gain, colour, when in (
         (-0.2, fit.training, GREY, "fitted on"),
         (0.2, fit.validation, TRACTOR, "validated on"),
     ):
-        factors = [gain.factor[name] for name in names]
-        bars = axes.bar(
-            place + offset, factors, 0.38, color=colour, label=f"{when} {gain.scenario}"
-        )
+        factors, label = list(gain.factor.values()), f"{when} {gain.scenario}"
+        bars = axes.bar(place + offset, factors, 0.38, color=colour, label=label)
         axes.bar_label(bars, [f"{factor:.0f}" for factor in factors], fontsize=7.5)
     worthwhile = f"{WORTHWHILE:g} ×: worth having"
     axes.axhline(WORTHWHILE, label=worthwhile, **REFERENCE | {"linewidth": 0.8})
     axes.set_yscale("log")
-    axes.set_xticks(place, list(names.values()))
+    axes.set_xticks(place, names)
     axes.set_ylabel("deviation of the plain model per\ndeviation of the fitted one")
     axes.grid(axis="x", visible=False)
     legend_below(figure)
-
-
-def _beside(*rows: Axes) -> None:
-    """Names to the right of the axes, where they hide nothing."""
-    for axes in rows:
-        axes.margins(x=0.01)
-        axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    rows[0].figure.align_ylabels()

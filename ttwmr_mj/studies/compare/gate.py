@@ -41,11 +41,12 @@ def read_tolerances(path: Path, known: Collection[str]) -> dict[str, float]:
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         fault = Fault(key=("--tolerance",), problem=f"cannot be read as TOML: {error}")
         raise InputError(fault, file=str(path)) from error
-    if not data:
-        fault = Fault(key=("--tolerance",), problem="holds no tolerance", allowed=", ".join(known))
-        raise InputError(fault, file=str(path))
     found = (_fault(key, value, known) for key, value in data.items())
-    if faults := [fault for fault in found if fault]:
+    faults = [fault for fault in found if fault]
+    if not data:
+        allowed = ", ".join(known)
+        faults = [Fault(key=("--tolerance",), problem="holds no tolerance", allowed=allowed)]
+    if faults:
         raise InputError(*faults, file=str(path))
     return {key: float(value) for key, value in data.items()}
 

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.dynamics.kinematics import q_rate, twist_from_wheels
+from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.base import Plant
@@ -17,26 +19,20 @@ from ttwmr_mj.runs.build import initial_state, make_plant, sample_reference
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
-from ttwmr_mj.studies.compare.variant import changed, on_plant
+from ttwmr_mj.studies.compare.shooting import shoot
+from ttwmr_mj.studies.compare.variants import changed, on_plant
 
 
 @dataclass(frozen=True, slots=True)
 class ContactRun:
-    """A scenario's run on contact physics.
-
-    Attributes:
-        scenario: what was run.
-        start: the initial state.
-        trajectory: at the control samples, of one simulation.
-        physics: the same run at every physics step.
-    """
+    """A scenario's run on contact physics."""
 
     scenario: Scenario
     start: RobotState
-    trajectory: Trajectory
-    physics: PhysicsRate
+    trajectory: Trajectory  # at the control samples, of one simulation
+    physics: PhysicsRate  # the same run at every physics step
 
     @property
     def robot(self) -> RobotParameters:
@@ -64,9 +60,8 @@ def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:
     result = experiment.run()
     _check(result.outcomes[0], "contact physics")
     rows, start = result.trajectory, initial_state(scenario, experiment.reference)
-    return ContactRun(
-        scenario, start, rows, PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
-    )
+    physics = PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
+    return ContactRun(scenario, start, rows, physics)
 
 
 def run_analytic(scenario: Scenario, folder: Path | None = None) -> Trajectory:
@@ -115,20 +110,31 @@ def replay(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory
 
 
 def follow_wheels(run: ContactRun) -> Trajectory:
-    """The analytic model driven by the wheels' real speeds, known at every physics step."""
-    period_s, every = run.scenario.control.sampling_time_s, run.scenario.steps_per_period
-    longest_s = run.scenario.plant.analytic.max_step_s
-    plant = AnalyticPlant(run.robot, 1, period_s, longest_s)
-    plant.reset(run.start)
-    rows = Trajectory.empty(run.trajectory.time_s, nsim=1)
-    rows.wheel_speed_rad_s[:, 0] = run.physics.wheel_speed_rad_s[::every]
-    rows.wheel_command_rad_s[:] = run.trajectory.wheel_command_rad_s
-    stretches, ends = run.physics.stretches(every)
-    for k, end in enumerate(ends):
-        if k:
-            plant.follow(stretches[k - 1], end[None])
-        state = plant.state()
-        rows.q[k], rows.q_rate[k] = state.q, state.q_rate
+    """The analytic model driven by the wheels' real speeds, known at every physics step.
+
+    Every period is a stretch for `shooting`.
+    """
+    was, robot, scenario = run.trajectory, run.robot, run.scenario
+    stretches, speeds = run.physics.stretches(scenario.steps_per_period)
+    twist = twist_from_wheels(speeds, robot)
+    timing = scenario.control.sampling_time_s, scenario.plant.analytic.max_step_s
+
+    def ends(states: FloatArray, which: slice) -> FloatArray:
+        tiled = [np.concatenate([part[:, which]] * len(states), axis=1) for part in stretches]
+        twists = np.tile(twist[:-1][which], (len(states), 1))
+        q, swing_rate = states[..., :-1].reshape(-1, 4), states[..., -1].ravel()
+        plant = AnalyticPlant(robot, len(q), *timing)
+        plant.reset(RobotState(q, q_rate(q, np.column_stack([twists, swing_rate]))))
+        plant.follow(Stretches(*tiled), np.tile(speeds[1:][which], (len(states), 1)))
+        now = plant.state()
+        return np.column_stack([now.q, now.q_rate[:, THETA2]]).reshape(states.shape)
+
+    states, _ = shoot(ends, np.column_stack([was.q[:, 0], was.q_rate[:, 0, THETA2]]))
+    q, rates = states[:, :-1], np.column_stack([twist, states[:, -1]])
+    rows = Trajectory.empty(was.time_s, nsim=1)
+    rows.q[:, 0], rows.q_rate[:, 0] = q, q_rate(q, rates)
+    rows.wheel_speed_rad_s[:, 0] = run.physics.wheel_speed_rad_s[:: scenario.steps_per_period]
+    rows.wheel_command_rad_s[:] = was.wheel_command_rad_s
     return rows
 
 

@@ -1,4 +1,4 @@
-"""The two runs of a comparison."""
+"""The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
 
 from __future__ import annotations
 
@@ -8,18 +8,13 @@ from typing import Literal
 
 import numpy as np
 
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
-from ttwmr_mj.studies.compare.motion import (
-    ContactRun,
-    follow_wheels,
-    replay_analytic,
-    run_analytic,
-    run_contact,
-)
-from ttwmr_mj.studies.compare.refusal import refuse_unlike
 from ttwmr_mj.studies.compare.residuals import Residuals
 
 Mode = Literal["open_loop", "closed_loop"]
@@ -29,7 +24,7 @@ Mode = Literal["open_loop", "closed_loop"]
 class Pair:
     """The two runs that are compared, and what follows from them alone."""
 
-    contact: ContactRun
+    contact: motion.ContactRun
     analytic: Trajectory
     deviation: Deviation
     residuals: Residuals
@@ -60,13 +55,13 @@ def run_pair(
         RunError: a run broke.
     """
     refuse_unlike(scenario)
-    contact = run_contact(scenario, scenario_folder)
+    contact = motion.run_contact(scenario, scenario_folder)
     if mode == "closed_loop":
-        analytic = run_analytic(scenario, scenario_folder)
+        analytic = motion.run_analytic(scenario, scenario_folder)
     elif real_wheels:
-        analytic = follow_wheels(contact)
+        analytic = motion.follow_wheels(contact)
     else:
-        analytic = replay_analytic(scenario, contact.commands)
+        analytic = motion.replay_analytic(scenario, contact.commands)
     deviation = Deviation.between(contact.trajectory, analytic)
     return Pair(contact, analytic, deviation, Residuals.of(contact))
 
@@ -76,3 +71,32 @@ def known_numbers() -> list[str]:
     zero, contacts = np.zeros(1), np.zeros((1, len(CONTACTS)))
     deviation = Deviation(zero, np.zeros((1, 4)), zero, zero)
     return [*deviation.numbers(), *Residuals(zero, contacts, contacts, zero, zero, zero).numbers()]
+
+
+def refuse_unlike(scenario: Scenario) -> None:
+    """Check that both plants mean the same thing by this scenario.
+
+    Raises:
+        InputError: they do not; every key is named.
+    """
+    plant, hitch = scenario.plant, scenario.robot.hitch
+    faults = []
+
+    def refuse(*key: str, got: str, problem: str, hint: str) -> None:
+        faults.append(Fault(key=("plant", *key), got=got, problem=problem, hint=hint))
+
+    if plant.pushes:
+        problem = "the analytic plant's tractor moves as told and cannot be pushed"
+        refuse("pushes", got=str(len(plant.pushes)), problem=problem, hint="leave the pushes out")
+    if scene := plant.contact.model_path:
+        problem = "the analytic plant knows only a flat floor and the robot of this scenario"
+        refuse("contact", "model_path", got=repr(scene), problem=problem, hint="leave the key out")
+    if plant.analytic.published_spring and (hitch.stiffness_n_m_rad or hitch.damping_n_m_s_rad):
+        problem = (
+            "contact physics divides the hitch's torque by J2 + m2·l² and not by k, so the two "
+            "hitches differ by m2·l"
+        )
+        refuse("analytic", "published_spring", got="true", problem=problem, hint="set it to false")
+    faults += physics_step_faults(scenario)
+    if faults:
+        raise InputError(*faults, file=f"{scenario.name}, compared on both plants")

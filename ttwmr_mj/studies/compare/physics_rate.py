@@ -13,60 +13,42 @@ from ttwmr_mj.state import FloatArray, RobotState
 
 @dataclass(frozen=True, slots=True)
 class PhysicsRate:
-    """A run of one simulation at its start and after each of n physics steps.
+    """A run of one simulation at its start and after each of n physics steps."""
 
-    Attributes:
-        time_s: (n + 1,) from zero.
-        q, q_rate: (n + 1, 4) as in `RobotState`.
-        wheel_speed_rad_s: (n + 1, 2) right, left.
-        setpoint_rad_s: (n, 2) speeds the servos aim at, in the step that ends at time_s[1:].
-    """
-
-    time_s: FloatArray
-    q: FloatArray
-    q_rate: FloatArray
-    wheel_speed_rad_s: FloatArray
-    setpoint_rad_s: FloatArray
+    time_s: FloatArray  # (n + 1,) from zero
+    q: FloatArray  # (n + 1, 4) as in `RobotState`
+    q_rate: FloatArray  # (n + 1, 4)
+    wheel_speed_rad_s: FloatArray  # (n + 1, 2) right, left
+    setpoint_rad_s: FloatArray  # (n, 2) that servos aim at, in the step that ends at time_s[1:]
 
     @classmethod
-    def of(
-        cls, plant: ContactPlant, start: RobotState, start_wheels_rad_s: FloatArray
-    ) -> PhysicsRate:
-        """What a plant of one simulation has kept of a run.
-
-        Args:
-            plant: told to `keep_physics_rate` before the run.
-            start: where it started.
-            start_wheels_rad_s: (1, 2) how fast its wheels turned then.
-        """
+    def of(cls, plant: ContactPlant, start: RobotState, wheels_rad_s: FloatArray) -> PhysicsRate:
+        """What a plant of one simulation has kept of a run from a start at wheel speeds (1, 2)."""
         time_s, states, wheels = plant.physics_rate_states()
         return cls(
             time_s=np.append(0.0, time_s),
             q=np.concatenate([start.q, states.q[0]]),
             q_rate=np.concatenate([start.q_rate, states.q_rate[0]]),
-            wheel_speed_rad_s=np.concatenate([start_wheels_rad_s, wheels[0]]),
+            wheel_speed_rad_s=np.concatenate([wheels_rad_s, wheels[0]]),
             setpoint_rad_s=plant.physics_rate_setpoints()[0],
         )
 
-    def stretches(self, every: int) -> tuple[list[Stretches], FloatArray]:
+    def stretches(self, every: int) -> tuple[Stretches, FloatArray]:
         """What the wheels did in each period of so many steps, linear from knot to knot.
 
         MuJoCo moves over a whole step at the speed of the step's end, which so is the speed of its
         middle: there are the knots. At the ends of periods the mean of two middles stands.
 
         Returns:
-            The stretches of every period, and the wheel speeds (periods + 1, 2) at their ends.
+            The stretches (every + 1, periods), and the wheel speeds (periods + 1, 2) at the ends of
+            periods.
         """
         wheels = self.wheel_speed_rad_s
         between = 0.5 * (wheels[every:-1:every] + wheels[every + 1 :: every])
         ends = np.concatenate([wheels[:1], between, wheels[-1:]])
-        middles = wheels[1:].reshape(-1, every, 2)
-        knots = np.concatenate([ends[:-1, None], middles, ends[1:, None]], axis=1)
-        duration_s = np.full((every + 1, 1), self.time_s[1])
+        middles = wheels[1:].reshape(-1, every, 2).swapaxes(0, 1)
+        knots = np.concatenate([ends[None, :-1], middles, ends[None, 1:]])
+        duration_s = np.full(knots.shape[:2], self.time_s[1])[1:]
         duration_s[[0, -1]] *= 0.5
-        rates = np.diff(knots, axis=1) / duration_s
-        none = np.zeros((every + 1, 1, 2))
-        return [
-            Stretches(duration_s, speed[:-1, None], rate[:, None], none)
-            for speed, rate in zip(knots, rates, strict=True)
-        ], ends
+        rates = np.diff(knots, axis=0) / duration_s[..., None]
+        return Stretches(duration_s, knots[:-1], rates, np.zeros_like(rates)), ends

@@ -63,15 +63,13 @@ def record_comparison(pair: Pair, path: Path, summary_markdown: str) -> None:
     Raises:
         InputError: the file cannot be created.
     """
-    with _Recorder(path, pair.contact.scenario.name) as recorder:
+    name = pair.contact.scenario.name
+    with _Recorder(path, f"{name}, compared", _blueprint(name)) as recorder:
         recorder.write(pair, summary_markdown)
 
 
 class _Recorder(RrdFile):
     """Writes a comparison at once."""
-
-    def __init__(self, path: Path, name: str) -> None:
-        super().__init__(path, f"{name}, compared", _blueprint(name))
 
     def write(self, pair: Pair, summary_markdown: str) -> None:
         """Report, both robots, deviations."""
@@ -116,15 +114,13 @@ def _log_miss(stream: rr.RecordingStream, pair: Pair, now: rr.TimeColumn) -> Non
 def _values(pair: Pair) -> dict[str, FloatArray]:
     """Plot → values (n, curves)."""
     deviation, residuals = pair.deviation, pair.residuals
-    aside, along = residuals.slip_aside_m_s, residuals.slip_along_m_s
+    slip = residuals.slip_aside_m_s[:, :2], residuals.slip_along_m_s[:, :2]
+    lost = 1e3 * residuals.energy_lost_j, 1e5 * residuals.trailer_torque_n_m
     return {
-        "position": 1e3
-        * np.column_stack([deviation.position_m, deviation.along_m, deviation.aside_m]),
-        "angles": 1e3 * np.column_stack([deviation.q[:, 2:], deviation.hitch_angle_rad]),
-        "slip": 1e3 * np.column_stack([aside[:, :2], along[:, :2]]),
-        "residuals": np.column_stack(
-            [1e3 * residuals.energy_lost_j, 1e5 * residuals.trailer_torque_n_m]
-        ),
+        "position": 1e3 * np.column_stack(list(deviation.position_curves.values())),
+        "angles": 1e3 * np.column_stack(list(deviation.angle_curves.values())),
+        "slip": 1e3 * np.hstack(slip),
+        "residuals": np.column_stack(lost),
     }
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
@@ -18,9 +18,8 @@ from ttwmr_mj.studies.compare.convergence import Convergence, converge
 from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
-from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, run_pair
-from ttwmr_mj.studies.compare.refusal import refuse_unlike
-from ttwmr_mj.studies.compare.replays import Progress
+from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
+from ttwmr_mj.studies.compare.variants import Progress
 
 SCHEMA_VERSION = 1
 UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
@@ -56,21 +55,14 @@ class Options:
 
 @dataclass(frozen=True, slots=True)
 class Comparison:
-    """A finished comparison.
+    """A finished comparison."""
 
-    Attributes:
-        folder: where its files are.
-        report: as in compare.json.
-        breaches: tolerances that were exceeded.
-    """
-
-    folder: Path
-    report: dict[str, Any]
-    breaches: tuple[Breach, ...]
+    folder: Path  # where its files are
+    report: dict[str, Any]  # as in compare.json
+    breaches: tuple[Breach, ...]  # tolerances that were exceeded
 
 
-@dataclass(frozen=True, slots=True)
-class _Findings:
+class _Findings(NamedTuple):
     """What was studied beyond the two runs; None: it was not asked for."""
 
     attribution: Attribution | None
@@ -104,30 +96,25 @@ def compare_scenario(
     refuse_unlike(scenario)
     _refuse_contradictions(options)
     unseen = _unseen(scenario, options) if options.fit else None
-    tolerances = {}
-    if options.tolerance:
-        tolerances = read_tolerances(options.tolerance, known_numbers())
+    file = options.tolerance
+    tolerances = read_tolerances(file, known_numbers()) if file else {}
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
     pair = run_pair(
         scenario, options.mode, real_wheels=options.real_wheels, scenario_folder=scenario_folder
     )
-    findings = _study(scenario, pair, unseen, options, progress)
+    findings = _study(pair, unseen, options, progress)
     exceeded = breaches(tolerances, pair.numbers)
-    report = _report(scenario, pair, findings, options, exceeded)
+    report = _report(pair, findings, options, exceeded)
     _write(folder, pair, findings, report, options)
     return Comparison(folder, report, exceeded)
 
 
 def _study(
-    scenario: Scenario,
-    pair: Pair,
-    unseen: Scenario | None,
-    options: Options,
-    progress: Progress | None,
+    pair: Pair, unseen: Scenario | None, options: Options, progress: Progress | None
 ) -> _Findings:
     parts = _parts(progress, options.attribute + options.converge + options.fit)
-    commands = pair.contact.commands
+    scenario, commands = pair.contact.scenario, pair.contact.commands
     return _Findings(
         attribution=attribute(scenario, commands, next(parts)) if options.attribute else None,
         convergence=converge(scenario, commands, next(parts)) if options.converge else None,
@@ -136,14 +123,10 @@ def _study(
 
 
 def _report(
-    scenario: Scenario,
-    pair: Pair,
-    findings: _Findings,
-    options: Options,
-    exceeded: tuple[Breach, ...],
+    pair: Pair, findings: _Findings, options: Options, exceeded: tuple[Breach, ...]
 ) -> dict[str, Any]:
     """The content of compare.json."""
-    attribution, convergence, fitted = findings.attribution, findings.convergence, findings.fit
+    scenario = pair.contact.scenario
     return {
         "schema_version": SCHEMA_VERSION,
         "scenario": scenario.name,
@@ -153,9 +136,7 @@ def _report(
         **pair.deviation.numbers(),
         "first_exceeded": pair.deviation.times(),
         **pair.residuals.numbers(),
-        "attribution": attribution.as_json() if attribution else None,
-        "convergence": convergence.as_json() if convergence else None,
-        "fit": fitted.as_json() if fitted else None,
+        **{name: found and found.as_json() for name, found in findings._asdict().items()},
         "exceeded": [str(breach) for breach in exceeded],
     }
 
@@ -171,14 +152,7 @@ def _write(
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
-        write_compare_figures(
-            pair,
-            folder / "figures",
-            report["scenario"],
-            findings.attribution,
-            findings.convergence,
-            findings.fit,
-        )
+        write_compare_figures(pair, folder / "figures", report["scenario"], *findings)
     if options.recording:
         from ttwmr_mj.studies.compare.recording import record_comparison
         from ttwmr_mj.studies.compare.text import markdown
@@ -188,16 +162,13 @@ def _write(
 
 def _refuse_contradictions(options: Options) -> None:
     if options.real_wheels and options.mode == "closed_loop":
-        raise InputError.at(
-            "--real-wheels",
+        problem = (
             "drives the analytic model in the open loop; with --mode closed_loop its own "
-            "controller does",
-            hint="leave one of them out",
+            "controller does"
         )
-    if options.validate_on and not options.fit:
-        raise InputError.at(
-            "--validate-on", "there is no fit", got=options.validate_on, hint="add --fit"
-        )
+        raise InputError.at("--real-wheels", problem, hint="leave one of them out")
+    if (name := options.validate_on) and not options.fit:
+        raise InputError.at("--validate-on", "there is no fit", got=name, hint="add --fit")
 
 
 def _driver(options: Options) -> str:
@@ -211,16 +182,13 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     name = options.validate_on or next(name for name in UNSEEN if name != scenario.name)
     other = load_scenario(name)
     if other.name == scenario.name:
-        raise InputError.at(
-            "--validate-on",
-            f"the fit is made on {scenario.name}; it is validated on a scenario it does not see",
-            got=name,
-            hint="name another one",
+        problem = (
+            f"the fit is made on {scenario.name}; it is validated on a scenario it does not see"
         )
+        raise InputError.at("--validate-on", problem, got=name, hint="name another one")
     refuse_unlike(other)
-    return other.model_copy(
-        update={key: getattr(scenario, key) for key in ("robot", "belief", "plant", "control")}
-    )
+    same = {key: getattr(scenario, key) for key in ("robot", "belief", "plant", "control")}
+    return other.model_copy(update=same)
 
 
 def _parts(progress: Progress | None, count: int) -> Iterator[Progress | None]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from ttwmr_mj.studies.compare.attribution import QUANTITIES
@@ -24,38 +25,6 @@ NAMES = {effect.name: effect.text for effect in EFFECTS} | {
     "total": "total (rms)",
 }
 SYMBOLS = {"position": "P", "theta2": "θ2"}  # the quantities that are explained
-SCALES = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
-
-
-def summary_rows(report: dict[str, Any]) -> list[tuple[str, str]]:
-    """What deviates by how much: (label, value with unit)."""
-    return [
-        (label, "undefined" if report[key] is None else f"{report[key] * scale:.4g} {unit}")
-        for key, label, scale, unit in ROWS
-    ]
-
-
-def attribution_rows(report: dict[str, Any], quantity: str) -> list[tuple[str, str, str, str, str]]:
-    """The table of one quantity: effect, alone, interaction, contribution with unit, share."""
-    unit = QUANTITIES[quantity][1]
-    scale, shown = SCALES[unit]
-
-    def cell(value: float | None) -> str:
-        return "" if value is None else f"{value * scale:.4f}"
-
-    rows = []
-    for name, row in report["attribution"][quantity].items():
-        share = "" if row["share"] is None else f"{round(100 * row['share'], 1) + 0.0:.1f} %"
-        rows.append(
-            (
-                NAMES[name],
-                cell(row[f"alone_{unit}"]),
-                cell(row[f"interaction_{unit}"]),
-                f"{cell(row[f'contribution_{unit}'])} {shown}",
-                share,
-            )
-        )
-    return rows
 
 
 HEAD = ("", "alone", "interaction", "contribution", "share")
@@ -63,32 +32,26 @@ HEAD = ("", "alone", "interaction", "contribution", "share")
 
 def plain(report: dict[str, Any]) -> str:
     """The report for a terminal."""
-    lines = [f"{label:42s} {value}" for label, value in summary_rows(report)]
-    if report["attribution"]:
-        for quantity, symbol in SYMBOLS.items():
-            lines += ["", f"where the deviation of {symbol} comes from"]
-            for row in (HEAD, *attribution_rows(report, quantity)):
-                lines.append(
-                    f"  {row[0]:34s} {row[1]:>9s} {row[2]:>12s} {row[3]:>15s} {row[4]:>9s}"
-                )
-            lines += _note(report, quantity)
-    if report["convergence"]:
-        study, orders = report["convergence"], report["convergence"]["order"]
+    lines = _aligned(_summary(report))
+    for symbol, rows, note in _explained(report):
+        lines += ["", f"where the deviation of {symbol} comes from"]
+        lines += ["  {:34s} {:>9s} {:>12s} {:>15s} {:>9s}".format(*row) for row in (HEAD, *rows)]
+        lines += note
+    if study := report["convergence"]:
         numbers = {
-            "order of convergence of P": orders["position_deviation_max_m"],
-            "order of convergence of θ2": orders["theta2_deviation_max_rad"],
+            "order of convergence of P": study["order"]["position_deviation_max_m"],
+            "order of convergence of θ2": study["order"]["theta2_deviation_max_rad"],
             "P per path at the finest level": study["position_deviation_per_path"][-1],
         }
-        shown = {k: "undefined" if v is None else f"{v:.4g}" for k, v in numbers.items()}
-        lines += ["", *(f"{label:42s} {value}" for label, value in shown.items())]
-    if report["fit"]:
+        lines += ["", *_aligned([(label, _number(value)) for label, value in numbers.items()])]
+    if fit := report["fit"]:
         lines += ["", "fitted parameters, with their 95 % intervals"]
-        for name, e in report["fit"]["parameters"].items():
+        for name, e in fit["parameters"].items():
             low, high = e["confidence_95"]
             lines.append(f"  {name:34s} {e['value']:.6g}  [{low:.6g}, {high:.6g}]")
-        validation = report["fit"]["validation"]
-        lines.append(f"on {validation['scenario']}, which it did not see, deviations fell by")
-        lines += [f"  {name:34s} {v:.1f} ×" for name, v in validation["factor"].items()]
+        unseen, factors = fit["validation"]["scenario"], fit["validation"]["factor"]
+        lines.append(f"on {unseen}, which it did not see, deviations fell by")
+        lines += [f"  {name:34s} {v:.1f} ×" for name, v in factors.items()]
     return "\n".join(lines)
 
 
@@ -99,24 +62,47 @@ def markdown(report: dict[str, Any]) -> str:
         "",
         f"Analytic model (translucent) driven by: {report['analytic_driven_by']}.",
         "",
-        *_table(("", ""), summary_rows(report)),
+        *_table(("", ""), _summary(report)),
     ]
-    if report["attribution"]:
-        for quantity, symbol in SYMBOLS.items():
-            lines += ["", f"Where the deviation of {symbol} comes from", ""]
-            lines += _table(HEAD, attribution_rows(report, quantity))
-            lines += ["", *_note(report, quantity)]
+    for symbol, rows, note in _explained(report):
+        lines += ["", f"Where the deviation of {symbol} comes from", "", *_table(HEAD, rows)]
+        lines += ["", *note]
     return "\n".join(lines) + "\n"
 
 
-def _note(report: dict[str, Any], quantity: str) -> list[str]:
-    note = report["attribution"]["notes"].get(quantity)
-    return [f"  {note}"] if note else []
+def percent(share: float | None) -> str:
+    """A share as text, without a negative nothing; nothing at all where it is undefined."""
+    return "" if share is None else f"{round(100 * share, 1) + 0.0:.1f} %"
 
 
-def _table(head: tuple[str, ...], rows: list[Any]) -> list[str]:
-    return [
-        f"| {' | '.join(head)} |",
-        "|" + "---|" * len(head),
-        *(f"| {' | '.join(row)} |" for row in rows),
-    ]
+def _summary(report: dict[str, Any]) -> list[tuple[str, str]]:
+    """What deviates by how much: (label, value with unit)."""
+    return [(label, _number(report[key], scale, f" {unit}")) for key, label, scale, unit in ROWS]
+
+
+def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
+    return "undefined" if value is None else f"{value * scale:.4g}{unit}"
+
+
+def _explained(report: dict[str, Any]) -> Iterator[tuple[str, list[tuple[str, ...]], list[str]]]:
+    """What explains each quantity: its symbol, rows as `HEAD` says, and a note if there is one."""
+    attribution = report["attribution"]
+    for quantity, symbol in SYMBOLS.items() if attribution else ():
+        unit, note = QUANTITIES[quantity][1], attribution["notes"].get(quantity)
+        rows = []
+        for name, row in attribution[quantity].items():
+            cells = [
+                "" if (value := row[f"{column}_{unit}"]) is None else f"{1e3 * value:.4f}"
+                for column in HEAD[1:4]
+            ]
+            rows.append((NAMES[name], *cells[:2], f"{cells[2]} m{unit}", percent(row["share"])))
+        yield symbol, rows, [f"  {note}"] if note else []
+
+
+def _aligned(rows: list[tuple[str, str]]) -> list[str]:
+    return [f"{label:42s} {value}" for label, value in rows]
+
+
+def _table(head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> list[str]:
+    lines = (f"| {' | '.join(row)} |" for row in rows)
+    return [f"| {' | '.join(head)} |", "|" + "---|" * len(head), *lines]

@@ -23,48 +23,32 @@ from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.deviation import Deviation, rms
-from ttwmr_mj.studies.compare.fit.shooting import Shooting
+from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
-from ttwmr_mj.studies.compare.replays import Progress
+from ttwmr_mj.studies.compare.variants import Progress
 
-# What a parameter is searched in: the size of a typical correction.
-SCALES = {
-    "wheel_radius_m": 1e-5,
-    "track_width_m": 1e-4,
-    "servo_time_constant_s": 1e-4,
-    "slip_time_s": 1e-3,
-    "hitch_damping_n_m_s_rad": 1e-5,
-    "hitch_coulomb_friction_n_m": 1e-5,
-    "caster_mass_kg": 1e-3,
-    "rolling_resistance_m": 1e-6,
-}
-SCALE = np.array(list(SCALES.values()))
 LENGTHS = ("wheel_radius_m", "track_width_m")  # far from zero; all else may vanish
 FLOOR = np.array([-np.inf if name in LENGTHS else 0.0 for name in SCALES])
-DIFFERENCE = 0.1  # of a scale: well above rounding, well below what bends the model
-DIFFERENCES = {name: DIFFERENCE * size for name, size in SCALES.items()}
 EXPECTED_WITHIN = 1e4  # scales: so faint that it decides only where the data do not
 CONFIDENCE_95 = 1.96  # standard deviations
-MAX_STEP_S = 0.033  # Runge-Kutta's; the swing takes seconds
+MEASURES = (
+    "position_deviation_rms_m",
+    "position_deviation_max_m",
+    "theta1_deviation_rms_rad",
+    "theta2_deviation_rms_rad",
+    "theta2_deviation_max_rad",
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Estimate:
-    """One parameter, SI units as in its name.
-
-    Attributes:
-        value: the estimate.
-        low, high: 95 % confidence interval, cut at a bound of the parameter.
-        expected: from the robot's own numbers.
-        identified: whether the data alone bound it: the interval is narrower than the value.
-    """
+    """One parameter, SI units as in its name."""
 
     value: float
-    low: float
-    high: float
-    expected: float
-    identified: bool
+    confidence_95: list[float]  # low and high end of the interval, cut at the parameter's bound
+    expected: float  # from the robot's own numbers
+    identified: bool  # by the data alone: the interval is narrower than the value
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,19 +67,12 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fit and its proof.
-
-    Attributes:
-        parameters: name → estimate.
-        physics_step_s: of the contact physics it was fitted on.
-        training: on the scenario it was fitted on.
-        validation: on one it did not see.
-    """
+    """A fit and its proof."""
 
     parameters: dict[str, Estimate]
-    physics_step_s: float
-    training: Gain
-    validation: Gain
+    physics_step_s: float  # of the contact physics it was fitted on
+    training: Gain  # on the scenario it was fitted on
+    validation: Gain  # on one it did not see
 
     @property
     def fitted(self) -> ExtendedParameters:
@@ -105,20 +82,11 @@ class Fit:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
-        parameters = {
-            name: {
-                "value": e.value,
-                "confidence_95": [e.low, e.high],
-                "expected": e.expected,
-                "identified": e.identified,
-            }
-            for name, e in self.parameters.items()
-        }
         gains = {
             part: {**asdict(gain), "factor": gain.factor}
             for part, gain in (("training", self.training), ("validation", self.validation))
         }
-        return {"parameters": parameters, **gains}
+        return {"parameters": {k: asdict(e) for k, e in self.parameters.items()}, **gains}
 
     def as_toml(self) -> str:
         """The scenario fragment: the table plant.analytic.extended."""
@@ -129,12 +97,7 @@ class Fit:
 
 
 def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -> Fit:
-    """Identify the extended model from one run and validate it on the other.
-
-    Args:
-        run: of the robot to be identified.
-        unseen: of the same robot in another scenario.
-        progress: called with the share of the iterations done, roughly.
+    """Identify the extended model from one run and validate it on another of the same robot.
 
     Raises:
         RunError: the search did not converge.
@@ -156,8 +119,7 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
     parameters = {
         name: Estimate(
             value=float(value[i]),
-            low=float(max(value[i] - half[i], FLOOR[i])),
-            high=float(value[i] + half[i]),
+            confidence_95=[float(max(value[i] - half[i], FLOOR[i])), float(value[i] + half[i])],
             expected=float(search.start[i]),
             identified=bool(half[i] < abs(value[i])),
         )
@@ -183,7 +145,7 @@ class _Search:
         plain = replay_analytic(run.scenario, run.commands).q[:, 0]
         self._weight = 1.0 / np.sqrt(np.mean((self._true - plain) ** 2, axis=0))
         self._pull = np.eye(len(SCALES)) / EXPECTED_WITHIN
-        self._shooting = Shooting(run, DIFFERENCES, MAX_STEP_S)
+        self._shooting = Shooting(run)
         self._shoot = functools.lru_cache(maxsize=2)(self._evaluate)
 
     def residual(self, step: FloatArray) -> FloatArray:
@@ -202,12 +164,9 @@ class _Search:
         step = np.frombuffer(steps)
         q, slope = self._shooting.run(self.start + SCALE * step)
         missed = self._weight * (self._true - q)
-        change = -self._weight[:, None] * slope / DIFFERENCE
-        rows = change.reshape(-1, len(step))
-        return (
-            np.concatenate([missed.ravel(), self._pull @ step]),
-            np.vstack([rows, self._pull]),
-        )
+        change = (-self._weight[:, None] * slope).reshape(-1, len(step))
+        residual = np.concatenate([missed.ravel(), self._pull @ step])
+        return residual, np.vstack([change, self._pull])
 
 
 def standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
@@ -235,18 +194,11 @@ def standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray
 
 def _gain(run: ContactRun, value: FloatArray) -> Gain:
     """What parameters (p,) in the order of `SCALES` improve."""
+
+    def deviations(rows: Trajectory) -> dict[str, float]:
+        numbers = Deviation.between(run.trajectory, rows).numbers()
+        return {name: size for name in MEASURES if (size := numbers[name]) is not None}
+
     plain = replay_analytic(run.scenario, run.commands)
-    q = Shooting(run, DIFFERENCES, MAX_STEP_S).run(value)[0]
-    fitted = replace(run.trajectory, q=q[:, None])
-    return Gain(run.scenario.name, _deviations(run, plain), _deviations(run, fitted))
-
-
-def _deviations(run: ContactRun, rows: Trajectory) -> dict[str, float]:
-    deviation = Deviation.between(run.trajectory, rows)
-    return {
-        "position_deviation_rms_m": rms(deviation.position_m),
-        "position_deviation_max_m": float(deviation.position_m.max()),
-        "theta1_deviation_rms_rad": rms(deviation.q[:, 2]),
-        "theta2_deviation_rms_rad": rms(deviation.q[:, 3]),
-        "theta2_deviation_max_rad": float(np.abs(deviation.q[:, 3]).max()),
-    }
+    fitted = replace(run.trajectory, q=Shooting(run).run(value)[0][:, None])
+    return Gain(run.scenario.name, deviations(plain), deviations(fitted))
