@@ -12,14 +12,12 @@ import pytest
 from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
-from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.ideal import phase_plane
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
-from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log
 from ttwmr_mj.studies.reproduce.proofs import proofs
-from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE
+from ttwmr_mj.studies.reproduce.runs import RUNS
 
 LAWS = [
     LyapunovOptions(kind="lyapunov"),
@@ -122,20 +120,7 @@ def test_every_erratum_names_a_proof_and_every_error_has_an_erratum() -> None:
 
 
 def test_200_as_printed_is_this_torque() -> None:
-    trailer = RobotParameters().trailer
-    torque = 200.0 * trailer.mass_kg * trailer.com_offset_m
-    assert torque == pytest.approx(PRINTED_AS_TORQUE, abs=5e-4)
-
-
-def test_v_along_a_trajectory_by_hand() -> None:
-    rows = Trajectory.empty(np.array([0.0, 0.5]), 1)
-    for name in ("q", "q_rate", "ref_q", "ref_q_rate"):
-        getattr(rows, name)[:] = 0.0
-    rows.q[0, 0, :2] = 0.2, -0.1
-    rows.q_rate[0, 0, :2] = 0.3, 0.4
-    log = lyapunov_log(rows, LAWS[0])
-    v = 0.5 * (25 * 0.04 + 10 * 0.09 + 25 * 0.01 + 10 * 0.16)
-    assert log.v == pytest.approx([v, 0.0])
-    assert log.v_rate == pytest.approx([-2 * v, -2 * v])
-    assert log.v_rate_claimed[0] == pytest.approx(-25 * 0.04 - 9.0 - 25 * 0.01 - 16.0)
-    assert log.rise_share == 0.0
+    robot = RUNS["spring-printed-omitted-contact"].scenario().robot
+    torque = 200.0 * robot.trailer.mass_kg * robot.trailer.com_offset_m
+    assert robot.hitch.stiffness_n_m_rad == pytest.approx(torque, abs=5e-4)
+    assert robot.hitch.damping_n_m_s_rad == robot.hitch.stiffness_n_m_rad
