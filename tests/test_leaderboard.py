@@ -72,7 +72,7 @@ def test_the_overview_says_who_stands_where_in_a_word() -> None:
 
 
 def test_the_pages_show_every_line_with_its_command_and_its_failure() -> None:
-    board = Board(ranked(line("a", 3.0), line("b", 0.0, 1)), 5, 4, Counter({"version 1": 4}))
+    board = Board(ranked(line("a", 3.0), line("b", 0.0, 1)), 5, Counter({"version 1": 4}))
     page = to_markdown(board, "mine")
     assert "4 of 5 rows run: 4 by version 1." in page
     assert "- b: why" in page
