@@ -14,14 +14,14 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.references.shared.reference import sampled_path
-from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.claims.limits import TRACTOR_FOLLOWS_M, TRAILER_FOLLOWS_M
 from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
-TRACTOR_ERROR, TRAILER_ERROR = "steady_tractor_rmse_m", "steady_trailer_rmse_m"  # metrics
+Measure = Callable[[Evidence, str], float]
 
+MEASURES: dict[str, Measure] = {}
 COMBINE: dict[str, Callable[[Any], Any]] = {
     "min": min,
     "max": max,
@@ -50,12 +50,9 @@ class Number:
     def parse(cls, text: str) -> Number:
         """As a data file has it."""
         what, _, whose = text.partition(" of ")
-        *combine, measure = what.split()
-        return cls(
-            combine[0] if combine else "max",
-            measure,
-            matching(whose.split(", "), [*RUNS, *STUDIES]),
-        )
+        *combine, measured = what.split()
+        of = matching(whose.split(", "), [*RUNS, *STUDIES])
+        return cls(combine[0] if combine else "max", measured, of)
 
     def value(self, evidence: Evidence) -> float:
         """The number; infinite where a run's metric is undefined."""
@@ -66,23 +63,60 @@ class Number:
         if name in STUDIES:
             return list(np.ravel(evidence.study(name)[self.measure]))
         if self.measure in MEASURES:
-            return [float(MEASURES[self.measure](evidence, name))]
+            return [MEASURES[self.measure](evidence, name)]
         return [evidence.value(name, self.measure)]
 
 
-def worse_error(evidence: Evidence, run: str) -> float:
-    """The larger of the tractor's and the trailer's steady error [m]."""
-    return max(evidence.value(run, metric) for metric in (TRACTOR_ERROR, TRAILER_ERROR))
+def measure(function: Measure) -> Measure:
+    """Makes a function of (evidence, run) a measure by its own name."""
+    MEASURES[function.__name__] = function
+    return function
 
 
-def robot_follows(evidence: Evidence, run: str) -> bool:
-    """Whether tractor and trailer both follow."""
-    return (
-        evidence.value(run, TRACTOR_ERROR) <= TRACTOR_FOLLOWS_M
-        and evidence.value(run, TRAILER_ERROR) <= TRAILER_FOLLOWS_M
-    )
+@measure
+def worse_error_m(evidence: Evidence, run: str) -> float:
+    """The larger of the tractor's and the trailer's steady error."""
+    return max(evidence.value(run, f"steady_{body}_rmse_m") for body in ("tractor", "trailer"))
 
 
+@measure
+def robot_follows(evidence: Evidence, run: str) -> float:
+    """1 if tractor and trailer both follow, else 0."""
+    tractor, trailer = (evidence.value(run, f"steady_{b}_rmse_m") for b in ("tractor", "trailer"))
+    return float(tractor <= TRACTOR_FOLLOWS_M and trailer <= TRAILER_FOLLOWS_M)
+
+
+@measure
+def hitch_swing_rad(evidence: Evidence, run: str) -> float:
+    """Peak to peak of the hitch angle in the second half."""
+    return float(np.ptp(second_half(evidence.hitch_angle(run))))
+
+
+@measure
+def mean_hitch_angle_rad(evidence: Evidence, run: str) -> float:
+    """Mean of the hitch angle in the second half."""
+    return float(second_half(evidence.hitch_angle(run)).mean())
+
+
+@measure
+def steady_x_rmse_m(evidence: Evidence, run: str) -> float:
+    """Steady error of P along x."""
+    return _axis_error(evidence, run, 0)
+
+
+@measure
+def steady_y_rmse_m(evidence: Evidence, run: str) -> float:
+    """Steady error of P along y."""
+    return _axis_error(evidence, run, 1)
+
+
+def _axis_error(evidence: Evidence, run: str, column: int) -> float:
+    trajectory = evidence.trajectory(run)
+    miss = second_half(trajectory.q - trajectory.ref_q)[:, 0, column]
+    return float(np.sqrt(np.mean(miss**2)))
+
+
+@measure
 def effort_ratio(evidence: Evidence, run: str) -> float:
     """Mean square of the wheels' commands in the second half over that of the reference."""
     scenario, trajectory = evidence.scenario(run), evidence.trajectory(run)
@@ -93,50 +127,36 @@ def effort_ratio(evidence: Evidence, run: str) -> float:
     return float(np.mean(second_half(given) ** 2) / np.mean(second_half(needed) ** 2))
 
 
-def rising_share(time_s: FloatArray, v: FloatArray) -> float:
-    """Share of samples (n,) at which V goes up by more than 10⁻⁶ of its start per second."""
-    rate = np.diff(v) / np.diff(time_s)
-    return float((np.append(rate, rate[-1:]) > 1e-6 * v[0]).mean())
+@measure
+def steady_saturated_share(evidence: Evidence, run: str) -> float:
+    """Share of the samples of the second half with a wheel at its limit."""
+    return float(second_half(evidence.trajectory(run).saturated[:, 0]).mean())
 
 
-def left_share(time_s: FloatArray, v: FloatArray) -> float:
-    """V (n,) at the end over V at the start."""
-    del time_s
-    return float(v[-1] / v[0])
-
-
-def highest_rise(time_s: FloatArray, v: FloatArray) -> float:
-    """The highest V (n,) stands above its lowest value so far, over V at the start."""
-    del time_s
-    return float((v - np.minimum.accumulate(v)).max() / v[0])
-
-
-def _axis_error(evidence: Evidence, run: str, column: int) -> float:
-    """Steady rms error of x or y of P [m]."""
-    trajectory = evidence.trajectory(run)
-    miss = second_half(trajectory.q - trajectory.ref_q)[:, 0, column]
-    return float(np.sqrt(np.mean(miss**2)))
-
-
-def _last_saturated(evidence: Evidence, run: str) -> float:
-    """When a wheel was at its limit for the last time [s]."""
+@measure
+def last_saturated_s(evidence: Evidence, run: str) -> float:
+    """When a wheel was at its limit for the last time; 0 if it never was."""
     trajectory = evidence.trajectory(run)
     return float(trajectory.time_s[trajectory.saturated[:, 0]].max(initial=0.0))
 
 
-MEASURES: dict[str, Callable[[Evidence, str], float]] = {
-    "hitch_swing_rad": lambda evidence, run: np.ptp(second_half(evidence.hitch_angle(run))),
-    "mean_hitch_angle_rad": lambda evidence, run: second_half(evidence.hitch_angle(run)).mean(),
-    "worse_error_m": worse_error,
-    "robot_follows": robot_follows,
-    "effort_ratio": effort_ratio,
-    "steady_saturated_share": lambda evidence, run: second_half(
-        evidence.trajectory(run).saturated[:, 0]
-    ).mean(),
-    "last_saturated_s": _last_saturated,
-    "steady_x_rmse_m": lambda evidence, run: _axis_error(evidence, run, 0),
-    "steady_y_rmse_m": lambda evidence, run: _axis_error(evidence, run, 1),
-    "v_left_share": lambda evidence, run: left_share(*evidence.lyapunov(run)),
-    "highest_rise_of_v": lambda evidence, run: highest_rise(*evidence.lyapunov(run)),
-    "rising_samples_share": lambda evidence, run: rising_share(*evidence.lyapunov(run)),
-}
+@measure
+def v_left_share(evidence: Evidence, run: str) -> float:
+    """V at the end over V at the start."""
+    _, v = evidence.lyapunov(run)
+    return float(v[-1] / v[0])
+
+
+@measure
+def highest_rise_of_v(evidence: Evidence, run: str) -> float:
+    """The highest V stands above its lowest value so far, over V at the start."""
+    _, v = evidence.lyapunov(run)
+    return float((v - np.minimum.accumulate(v)).max() / v[0])
+
+
+@measure
+def rising_samples_share(evidence: Evidence, run: str) -> float:
+    """Share of samples at which V goes up by more than 10⁻⁶ of its start per second."""
+    time_s, v = evidence.lyapunov(run)
+    rate = np.diff(v) / np.diff(time_s)
+    return float((np.append(rate, rate[-1:]) > 1e-6 * v[0]).mean())
