@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -15,18 +16,6 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
 from ttwmr_mj.studies.reproduce.runs import RUNS
-
-
-class Needs(Protocol):
-    """What is shown or judged from runs and studies."""
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of runs."""
-
-    @property
-    def studies(self) -> tuple[str, ...]:
-        """Names of studies."""
 
 
 class Evidence:
@@ -66,9 +55,9 @@ class Evidence:
         path = f"runs/{run}/run.rrd"
         return path if (self.out / path).is_file() else None
 
-    def lacking(self, part: Needs) -> list[str]:
-        """The runs and studies of a claim or a figure that could not be done."""
-        return [name for name in (*part.runs, *part.studies) if name in self.failures]
+    def lacking(self, names: Iterable[str]) -> list[str]:
+        """Those of these runs and studies that could not be done."""
+        return [name for name in names if name in self.failures]
 
     def robot(self, run: str) -> RobotParameters:
         """The run's robot."""

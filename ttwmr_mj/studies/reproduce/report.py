@@ -25,11 +25,6 @@ CLAIMS_SCHEMA_VERSION = 1
 REPORTED = ("ttwmr-mj", *LIBRARIES, "scipy", "sympy")
 
 
-def judge_all(evidence: Evidence) -> dict[str, Judgement]:
-    """Every claim's verdict."""
-    return {name: claim.judgement(evidence) for name, claim in CLAIMS.items()}
-
-
 def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Path) -> None:
     """claims.json: per claim the rule, the verdict, the numbers, the runs with their recordings."""
     rows = [
@@ -72,13 +67,14 @@ def write_report(
     environment.filters["code"] = lambda text: Markup(
         re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text)))
     )
+    swept = not evidence.lacking(friction.SWEEP)
     page = environment.from_string(template).render(
         counts=Counter(judgement.verdict for judgement in judgements.values()),
         claims=[(CLAIMS[name], judgement) for name, judgement in judgements.items()],
         figures=[_figure(evidence, name) for name in drawn],
         errata=_errata(evidence) if judgements else [],
         largest_load_n_m=friction.largest_load_n_m(evidence),
-        balances=_balances(evidence) if judgements else [],
+        balances=friction.balances(evidence) if judgements and swept else [],
         runs=[_run(evidence, name) for name in _used(drawn, judgements)],
         recording=evidence.recording,
         mm=mm,
@@ -97,7 +93,7 @@ def _used(drawn: list[str], judgements: dict[str, Judgement]) -> list[str]:
 def _figure(evidence: Evidence, name: str) -> dict[str, Any]:
     """What the template cannot see in a figure itself."""
     figure, drawing = FIGURES[name], evidence.out / "figures" / f"{name}.svg"
-    lacking = evidence.lacking(figure.numbers)
+    lacking = evidence.lacking(figure.numbers.needed)
     return {
         "figure": figure,
         "found": f"Not run: {', '.join(lacking)}." if lacking else figure.caption(evidence),
@@ -115,16 +111,6 @@ def _errata(evidence: Evidence) -> list[dict[str, Any]]:
     ]
 
 
-def _balances(evidence: Evidence) -> list[friction.Balance]:
-    lacking = any(run in evidence.failures for run in friction.SWEEP)
-    return [] if lacking else friction.balances(evidence)
-
-
 def _run(evidence: Evidence, name: str) -> dict[str, str]:
     status = "not run" if name in evidence.failures else evidence.metrics(name)["status"]
     return {"name": name, "command": shlex.join(RUNS[name].command()), "status": status}
-
-
-def report_name(only: list[str]) -> str:
-    """report.html, or another name for a report of single figures."""
-    return f"report-{'-'.join(only)}.html" if only else "report.html"

@@ -13,7 +13,7 @@ from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.execute import execute, missing_tasks
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
-from ttwmr_mj.studies.reproduce.report import judge_all, report_name, write_claims, write_report
+from ttwmr_mj.studies.reproduce.report import write_claims, write_report
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 
@@ -58,12 +58,12 @@ def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) 
         failed = execute(tasks, progress)
         failures = {event.job.name: event.reason for event in failed}
         evidence = Evidence(out, failures)
-        drawn = [name for name in figures if not evidence.lacking(FIGURES[name].numbers)]
+        drawn = [name for name in figures if not evidence.lacking(FIGURES[name].numbers.needed)]
         _draw(drawn, evidence)
         if progress:
             progress(len(tasks) + len(figures))
-    judgements = {} if only else judge_all(evidence)
-    report = out / report_name(only or [])
+    judgements = {} if only else {n: claim.judgement(evidence) for n, claim in CLAIMS.items()}
+    report = out / f"{'-'.join(['report', *(only or [])])}.html"
     if judgements:
         write_claims(evidence, judgements, out / "claims.json")
     write_report(evidence, judgements, figures, report)

@@ -73,7 +73,7 @@ class Claim:
 
     def judgement(self, evidence: Evidence) -> Judgement:
         """The rule's answer, or that evidence is missing where its runs could not be done."""
-        lacking = evidence.lacking(self.numbers)
+        lacking = evidence.lacking(self.numbers.needed)
         if lacking:
             reasons = "; ".join(f"{name}: {evidence.failures[name]}" for name in lacking)
             return Judgement("evidence missing", {}, f"What the rule needs was not run. {reasons}")

@@ -128,14 +128,12 @@ class Numbers:
     Attributes:
         computed: of COMPUTED, if any is.
         read: name → number.
-        runs: the runs it needs.
-        studies: the studies it needs.
+        needed: names of runs and studies.
     """
 
     computed: Callable[[Evidence], Values] | None
     read: dict[str, Number]
-    runs: tuple[str, ...]
-    studies: tuple[str, ...]
+    needed: tuple[str, ...]
 
     @classmethod
     def of(cls, entry: dict[str, Any], shown: tuple[str, ...] = ()) -> Numbers:
@@ -144,12 +142,18 @@ class Numbers:
         needed = dict.fromkeys(shown)
         needed |= dict.fromkeys(name for number in read.values() for name in number.of)
         needed |= dict.fromkeys(matching(entry.get("needs", []), [*RUNS, *STUDIES]))
-        return cls(
-            COMPUTED[entry["computed"]] if "computed" in entry else None,
-            read,
-            tuple(name for name in needed if name in RUNS),
-            tuple(name for name in needed if name in STUDIES),
-        )
+        computed = COMPUTED[entry["computed"]] if "computed" in entry else None
+        return cls(computed, read, tuple(needed))
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """The runs it needs."""
+        return tuple(name for name in self.needed if name in RUNS)
+
+    @property
+    def studies(self) -> tuple[str, ...]:
+        """The studies it needs."""
+        return tuple(name for name in self.needed if name in STUDIES)
 
     def values(self, evidence: Evidence) -> Values:
         """Name → value."""
