@@ -11,6 +11,7 @@ import pytest
 from told_evidence import Told, continuous, judged
 
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.studies.reproduce.claims.friction import SWEEP, VISCOUS
 from ttwmr_mj.studies.reproduce.claims.measures import Number
 from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
@@ -120,3 +121,20 @@ def test_solutions_in_continuous_time_are_told_apart_by_gamma() -> None:
     values = FIGURES["continuous"].numbers.values(Told(told))
     assert list(values.values()) == [0.1, 0.2, 0.3, 0.9]
     assert judged("law-70", told).numbers["smallest_v_left_share"] == 0.3
+
+
+def test_the_friction_sweep_in_numbers() -> None:
+    """Free, it swings; 0.3 mN·m hold it at φ = 0.3, 0.2 do not; 0.35 and more straight behind."""
+    angles = dict.fromkeys(SWEEP, np.zeros(8))
+    angles |= {"friction-0-unm": np.arange(8.0), VISCOUS: np.full(8, 1.5)}
+    angles |= {"friction-300-unm": np.full(8, 0.3), "friction-200-unm": np.full(8, 0.3)}
+    off = ("friction-0-unm", "friction-300-unm", "friction-200-unm", VISCOUS)
+    evidence = Told(values={run: 0.1 if run in off else 0.020 for run in SWEEP})
+    evidence.hitch_angle = angles.__getitem__
+    load_n_m = 0.33 * 0.141 * 0.43 * 0.125**2
+    values = FIGURES["friction"].numbers.values(evidence)
+    assert values["largest_load_mn_m"] == pytest.approx(1e3 * load_n_m)
+    assert values["least_friction_that_carries_mn_m"] == pytest.approx(0.03)
+    assert values["runs_that_stand"] == 9  # of 10 dry ones
+    assert values["runs_that_balance"] == 5
+    assert values["viscous_hitch_angle_rad"] == 1.5

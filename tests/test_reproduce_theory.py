@@ -15,7 +15,7 @@ from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.ideal import phase_plane
-from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, sampled, solve
 from ttwmr_mj.studies.reproduce.proofs import proofs
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
@@ -57,6 +57,13 @@ def test_sampling_finer_leads_to_the_differential_equation() -> None:
     exact = solve(loop, start, 3.0).z[-1]
     misses = [np.abs(sampled(loop, start, 3.0, h).z[-1] - exact)[:4].max() for h in (1e-2, 1e-3)]
     assert misses[1] / misses[0] == pytest.approx(0.1, rel=0.2)  # a held command: first order
+
+
+def test_the_distance_is_of_p_from_the_point_on_the_circle() -> None:
+    loop = IdealLoop(LAWS[0], 1.0, 0.5 * math.pi)
+    rows = [(1.3, 9.0, 0.4, 9.0, 0.0, 0.0, 0.0), (0.0, 9.0, 1.2, 9.0, 0.0, 0.0, 0.0)]
+    path = Solution(np.array([0.0, 1.0]), np.array(rows), "time")  # at (1, 0), then at (0, 1)
+    assert loop.distances(path) == pytest.approx([0.5, 0.2])
 
 
 def test_an_ideal_loop_without_error_keeps_it_so() -> None:

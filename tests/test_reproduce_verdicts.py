@@ -273,7 +273,7 @@ def test_experiment_and_model_agree_within_a_centimetre() -> None:
         return rows
 
     def agrees(x: float, y: float) -> Judgement:
-        runs = {"lab-pid-without": at(x, y), "lab-analytic": at(0.0, 0.0)}
+        runs = {"lab-pid-without": at(x + 0.25, y - 0.5), "lab-analytic": at(0.25, -0.5)}
         return judged("experiment-agrees", trajectories=runs)
 
     assert agrees(0.006, 0.00799).verdict == "holds with changes"
