@@ -96,7 +96,10 @@ def test_failures_stay_alone_and_say_why(finished: Path) -> None:
     assert "ZeroDivisionError: of its own making" in lines["broken"]["reason"]
     assert (lines["broken"]["failures"], lines["broken"]["lost"]) == (2, 0)
     assert lines["broken"]["P rms, mm"] is None
-    assert "timed out after 0.5 s at its sample at t = 0.099 s" in lines["endless"]["reason"]
+    assert (
+        "the controller timed out after 0.5 s at its sample at t = 0.099 s"
+        in lines["endless"]["reason"]
+    )
     assert "timed out after 10 s" in lines["stuck"]["reason"]
     assert lines["stuck"]["failures"] == 1
     # it came to its end, a metre away

@@ -71,8 +71,20 @@ def test_the_overview_says_who_stands_where_in_a_word() -> None:
     assert tables["eight"][1] == ["contact · truth", "**7.25**", "", "", "", ""]
 
 
+def test_controllers_stand_by_shares_and_means_however_many_tasks_they_met() -> None:
+    tasks = ("circle", "eight", "parked")
+    lines = [
+        line("b", 9.0, 1, task="circle"),
+        *(line("a", 1.0, i // 2, task=tasks[i]) for i in range(3)),
+    ]
+    assert overview(lines)["circle"][0] == ["condition", "a", "b"]  # 1 of 6 failed, 1 of 2
+    lines = [line(name, 1.0, task=task) for task in tasks for name in ("d", "a")]
+    lines = [*lines[:2], line("b", 1.0), line("c", 1.0), *lines[2:]]
+    assert overview(lines)["circle"][0] == ["condition", "d", "a", "b", "c"]  # 0, 1, 2 and 3
+
+
 def test_the_pages_show_every_line_with_its_command_and_its_failure() -> None:
-    board = Board(ranked(line("a", 3.0), line("b", 0.0, 1)), 5, 4, Counter({"version 1": 4}))
+    board = Board(ranked(line("a", 3.0), line("b", 0.0, 1)), 5, Counter({"version 1": 4}))
     page = to_markdown(board, "mine")
     assert "4 of 5 rows run: 4 by version 1." in page
     assert "- b: why" in page

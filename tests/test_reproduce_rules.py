@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.studies.reproduce.claims import claims as claims_module
+from ttwmr_mj.studies.reproduce.claims import computed, measures
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
+from ttwmr_mj.studies.reproduce.claims.computed import COMPUTED
+from ttwmr_mj.studies.reproduce.claims.friction import STANDS_RAD, balances
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures.drawings import DRAWERS
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
-from ttwmr_mj.studies.reproduce.friction import STANDS_RAD, balances
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
-from ttwmr_mj.studies.reproduce.runs import RUNS, choices
+from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
 
 def test_every_run_is_a_valid_scenario_of_its_name() -> None:
@@ -26,24 +32,71 @@ def test_every_run_is_a_valid_scenario_of_its_name() -> None:
         assert scenario.control.sampling_time_s == 0.033
 
 
-def test_figures_and_claims_name_what_exists() -> None:
-    for part in (*FIGURES.values(), *CLAIMS.values()):
-        assert set(part.runs) <= set(RUNS), part.name
-        assert set(part.studies) <= set(STUDIES), part.name
+def test_what_is_shown_and_judged_uses_every_run_study_and_computation() -> None:
+    """Reading the data files has refused names that do not exist; here none is left over."""
+    parts = (*FIGURES.values(), *CLAIMS.values())
+    assert {run for part in parts for run in part.numbers.runs} == set(RUNS)
+    assert {study for part in parts for study in part.numbers.studies} == set(STUDIES)
+    assert {part.numbers.computed for part in parts} == {None, *COMPUTED.values()}
     assert {figure.kind for figure in FIGURES.values()} == set(DRAWERS)
     article = {f"fig{n}" for n in (*range(3, 9), *range(11, 20))}
     assert article <= set(FIGURES)
     for claim in CLAIMS.values():
         assert claim.rule.count("olds if") >= 1
         assert re.search(r"Eq\.|Fig|Theorem|Section", claim.source)
-    assert f"one of {len(choices())} combinations" in CLAIMS["figs-7-8"].rule
+    choices = matching(["choice-*"], RUNS)
+    assert f"one of {len(choices)} combinations" in CLAIMS["figs-7-8"].rule
     assert "P is within 10 mm and the trailer's COM within 20 mm" in CLAIMS["figs-7-8"].rule
 
 
-def test_evidence_knows_which_runs_see_with_a_camera(tmp_path: Path) -> None:
-    evidence = Evidence(tmp_path)
-    assert evidence.sees_with_camera("lab-pid", "eight-pid")
-    assert not evidence.sees_with_camera("lab-pid", "lab-analytic")
+def test_every_limit_is_some_rules() -> None:
+    claims = (Path(claims_module.__file__).parent / "claims.toml").read_text("utf-8")
+    named = claims + inspect.getsource(computed) + inspect.getsource(measures)
+    assert [name for name in LIMITS if name not in named] == []
+
+
+def test_runs_are_found_by_pattern_in_order_and_once() -> None:
+    names = ["b-1", "a-1", "a-2", "c"]
+    assert matching(["c", "a-*", "a-2"], names) == ("c", "a-1", "a-2")
+    with pytest.raises(KeyError, match=r"d-\*"):
+        matching(["a-*", "d-*"], names)
+
+
+def test_the_experiment_is_run_with_a_camera() -> None:
+    experiment = {f"fig{n}" for n in range(11, 20)}
+    runs = {run for name in experiment for run in FIGURES[name].numbers.runs}
+    runs |= {
+        run for name in ("figs-11-16", "fig-19", "robust") for run in CLAIMS[name].numbers.runs
+    }
+    assert runs == {"lab-pid", "lab-pid-without", "eight-pid", "eight-pid-without"}
+    for run in runs:
+        scenario = RUNS[run].scenario()
+        assert (scenario.sensing.kind, scenario.plant.kind) == ("camera", "contact")
+        assert scenario.robot.hitch.coulomb_friction_n_m == 1e-3
+        assert scenario.robot.hitch.damping_n_m_s_rad == 0.0
+
+
+def test_runs_are_what_their_names_say() -> None:
+    def scenario(run: str) -> Any:
+        return RUNS[run].scenario()
+
+    for plant in ("analytic", "contact"):
+        assert scenario(f"law32-omitted-{plant}").plant.kind == plant
+        assert scenario(f"law32-published-{plant}").controller.singular_terms == "published"
+    limited = scenario("choice-regularized-limit-10-outward")
+    assert (limited.controller.gamma, limited.controller.gamma_limit) == ("regularized", 10.0)
+    assert (limited.reference.theta2, limited.plant.kind) == ("outward", "analytic")
+    table, half, double = (
+        [getattr(scenario(run).controller, f"alpha{i}") for i in (1, 2, 3, 4)]
+        for run in ("pid-without-analytic", "gains-half", "gains-double")
+    )
+    assert [half, double] == [[0.5 * alpha for alpha in table], [2.0 * alpha for alpha in table]]
+    for run in RUNS:
+        if found := re.fullmatch(r"friction-(\d+)-unm", run):
+            torque = scenario(run).robot.hitch.coulomb_friction_n_m
+            assert torque == pytest.approx(1e-6 * float(found[1]), rel=1e-12)  # the same decimals
+    assert not RUNS["friction-viscous"].recording
+    assert RUNS["lab-pid"].recording
 
 
 def test_the_hitch_angle_is_the_trailers_against_the_tractors(tmp_path: Path) -> None:

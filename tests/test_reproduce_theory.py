@@ -12,14 +12,12 @@ import pytest
 from ttwmr_mj.controllers import lyapunov_pid
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
-from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.ideal import phase_plane
-from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, sampled, solve
-from ttwmr_mj.studies.reproduce.lyapunov_log import lyapunov_log
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, sampled, solve
 from ttwmr_mj.studies.reproduce.proofs import proofs
-from ttwmr_mj.studies.reproduce.runs import PRINTED_AS_TORQUE
+from ttwmr_mj.studies.reproduce.runs import RUNS
 
 LAWS = [
     LyapunovOptions(kind="lyapunov"),
@@ -61,6 +59,13 @@ def test_sampling_finer_leads_to_the_differential_equation() -> None:
     assert misses[1] / misses[0] == pytest.approx(0.1, rel=0.2)  # a held command: first order
 
 
+def test_the_distance_is_of_p_from_the_point_on_the_circle() -> None:
+    loop = IdealLoop(LAWS[0], 1.0, 0.5 * math.pi)
+    rows = [(1.3, 9.0, 0.4, 9.0, 0.0, 0.0, 0.0), (0.0, 9.0, 1.2, 9.0, 0.0, 0.0, 0.0)]
+    path = Solution(np.array([0.0, 1.0]), np.array(rows), "time")  # at (1, 0), then at (0, 1)
+    assert loop.distances(path) == pytest.approx([0.5, 0.2])
+
+
 def test_an_ideal_loop_without_error_keeps_it_so() -> None:
     loop = IdealLoop(LAWS[0], 1.0, 0.5)
     on_the_circle = (1.0, 0.0, 0.0, 0.5, 0.5 * math.pi, 0.5, 0.0)
@@ -70,14 +75,22 @@ def test_an_ideal_loop_without_error_keeps_it_so() -> None:
 
 
 def test_all_paths_of_the_printed_law_end_on_e2_zero_but_for_one_ray() -> None:
-    study, axis = phase_plane.study(), phase_plane.Axis()
+    study = phase_plane.study()
     assert max(study["end_time_s"]) < 1.0
     # e2 falls to zero like a square root of time: the last step that floats can take is this far
     assert all(abs(path[1][-1]) < 1e-7 for path in study["paths"])
     assert min(abs(e1) for e1 in study["left_e1_m"]) > 0.01
-    assert axis.slope(axis.invariant_ray()) == pytest.approx(0.0, abs=1e-9)
-    assert all(axis.slope(u) < 0.0 for u in np.geomspace(1e-6, 1e6, 100))
-    assert all(axis.slope(-u) > 0.0 for u in np.geomspace(1e-6, 9.7, 100))
+
+    def slope(u: float) -> float:
+        """U' for u = e2/e1, which is e2'/e1 − u², the same at every e1."""
+        e2, e2_rate = phase_plane.rates(0.0, (0.3, 0.3 * u))
+        assert e2 == 0.3 * u
+        return e2_rate / 0.3 - u * u
+
+    assert slope(study["invariant_ray_1_s"]) == pytest.approx(0.0, abs=1e-9)
+    assert all(slope(u) < 0.0 for u in np.geomspace(1e-6, 1e6, 100))
+    assert all(slope(-u) > 0.0 for u in np.geomspace(1e-6, 9.7, 100))
+    assert all(slope(-u) < 0.0 for u in np.geomspace(9.8, 1e6, 100))
 
 
 def test_the_printed_law_stands_still_where_it_first_stops_at_every_small_step() -> None:
@@ -122,20 +135,7 @@ def test_every_erratum_names_a_proof_and_every_error_has_an_erratum() -> None:
 
 
 def test_200_as_printed_is_this_torque() -> None:
-    trailer = RobotParameters().trailer
-    torque = 200.0 * trailer.mass_kg * trailer.com_offset_m
-    assert torque == pytest.approx(PRINTED_AS_TORQUE, abs=5e-4)
-
-
-def test_v_along_a_trajectory_by_hand() -> None:
-    rows = Trajectory.empty(np.array([0.0, 0.5]), 1)
-    for name in ("q", "q_rate", "ref_q", "ref_q_rate"):
-        getattr(rows, name)[:] = 0.0
-    rows.q[0, 0, :2] = 0.2, -0.1
-    rows.q_rate[0, 0, :2] = 0.3, 0.4
-    log = lyapunov_log(rows, LAWS[0])
-    v = 0.5 * (25 * 0.04 + 10 * 0.09 + 25 * 0.01 + 10 * 0.16)
-    assert log.v == pytest.approx([v, 0.0])
-    assert log.v_rate == pytest.approx([-2 * v, -2 * v])
-    assert log.v_rate_claimed[0] == pytest.approx(-25 * 0.04 - 9.0 - 25 * 0.01 - 16.0)
-    assert log.rise_share == 0.0
+    robot = RUNS["spring-printed-omitted-contact"].scenario().robot
+    torque = 200.0 * robot.trailer.mass_kg * robot.trailer.com_offset_m
+    assert robot.hitch.stiffness_n_m_rad == pytest.approx(torque, abs=5e-4)
+    assert robot.hitch.damping_n_m_s_rad == robot.hitch.stiffness_n_m_rad

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -53,19 +54,19 @@ def write_leaderboard(board: Board, folder: Path, title: str) -> None:
 def status(board: Board) -> str:
     """How much of the suite was run, and by what."""
     made = "; ".join(f"{count} by {maker}" for maker, count in board.made_by.most_common())
-    return f"{board.finished} of {board.rows} rows run: {made}."
+    return f"{board.made_by.total()} of {board.rows} rows run: {made}."
 
 
 def _condition(line: Line) -> str:
-    names = line.names
-    tail = "" if names["disturbance"] == "none" else f" · {names['disturbance']}"
-    return f"{names['plant']} · {names['sensing']}{tail}"
+    plant, sensing, disturbance = (line.names[axis] for axis in AXES[2:])
+    return " · ".join([plant, sensing, *([disturbance] if disturbance != "none" else [])])
 
 
-def _sections(lines: list[Line]) -> dict[str, list[Line]]:
-    sections: dict[str, list[Line]] = defaultdict(list)
+def _sections(lines: list[Line]) -> dict[tuple[str, str], list[Line]]:
+    """(task, condition) → its lines."""
+    sections: dict[tuple[str, str], list[Line]] = defaultdict(list)
     for line in lines:
-        sections[f"{line.names['task']} · {_condition(line)}"].append(line)
+        sections[line.names["task"], _condition(line)].append(line)
     return dict(sections)
 
 
@@ -82,30 +83,29 @@ def _number(value: float | None) -> str:
 
 def overview(lines: list[Line]) -> dict[str, list[list[str]]]:
     """Task → table of conditions by controllers, its head first."""
-    controllers = list(dict.fromkeys(line.names["controller"] for line in lines))
-    controllers.sort(key=lambda name: _standing(name, lines))
+    sections = _sections(lines)
+    controllers = _by_standing(sections.values())
     tables: dict[str, list[list[str]]] = {}
-    for members in _sections(lines).values():
-        task, by_name = (
-            members[0].names["task"],
-            {line.names["controller"]: line for line in members},
-        )
-        table = tables.setdefault(task, [["condition", *controllers]])
+    for (task, condition), members in sections.items():
+        by_name = {line.names["controller"]: line for line in members}
         cells = [_summary(by_name.get(name), members) for name in controllers]
-        table.append([_condition(members[0]), *cells])
+        tables.setdefault(task, [["condition", *controllers]]).append([condition, *cells])
     return tables
 
 
-def _standing(controller: str, lines: list[Line]) -> tuple[float, float]:
-    """Share of a controller's runs that failed, then its mean place in its sections, from 0."""
-    places = [
-        (place, line)
-        for members in _sections(lines).values()
-        for place, line in enumerate(members)
-        if line.names["controller"] == controller
-    ]
-    failed = sum(line.failures for _, line in places) / sum(line.runs for _, line in places)
-    return failed, sum(place for place, _ in places) / len(places)
+def _by_standing(sections: Iterable[list[Line]]) -> list[str]:
+    """Controllers by the share of their runs that failed, then by their mean place in sections."""
+    places: dict[str, list[tuple[int, Line]]] = defaultdict(list)
+    for members in sections:
+        for place, line in enumerate(members):
+            places[line.names["controller"]].append((place, line))
+
+    def standing(controller: str) -> tuple[float, float]:
+        found = places[controller]
+        failed = sum(line.failures for _, line in found) / sum(line.runs for _, line in found)
+        return failed, sum(place for place, _ in found) / len(found)
+
+    return sorted(places, key=standing)
 
 
 def _summary(line: Line | None, members: list[Line]) -> str:
@@ -130,8 +130,8 @@ def _table(rows: list[list[str]]) -> str:
 def to_markdown(board: Board, title: str) -> str:
     """Rules and overview, then each task with its numbers and the commands that repeat them."""
     parts = [to_summary(board, title)]
-    for head, members in _sections(board.lines).items():
-        parts.append(f"## {head}\n\n{_table([HEAD, *map(_cells, members)])}\n")
+    for (task, condition), members in _sections(board.lines).items():
+        parts.append(f"## {task} · {condition}\n\n{_table([HEAD, *map(_cells, members)])}\n")
         parts += [
             f"- {line.names['controller']}: {line.reason}\n" for line in members if line.reason
         ]
@@ -166,7 +166,7 @@ def to_html(board: Board, title: str) -> str:
         overview=overview(board.lines),
         head=HEAD,
         sections={
-            head: [(_cells(line), line) for line in members]
+            " · ".join(head): [(_cells(line), line) for line in members]
             for head, members in _sections(board.lines).items()
         },
     )

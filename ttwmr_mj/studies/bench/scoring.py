@@ -18,7 +18,7 @@ from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
-from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
+from ttwmr_mj.studies.bench.suite import AXES, Suite, rows_of
 
 # column → (metric, scale, how seeds are combined)
 COLUMNS: dict[str, tuple[str, float, str]] = {
@@ -73,13 +73,12 @@ class Board:
 
     Attributes:
         lines: tasks apart; within one, fewer failures first, then the smaller trailer error.
-        rows, finished: how many rows the suite has, and how many of them were run.
-        made_by: version and commit → rows made by it.
+        rows: how many the suite has.
+        made_by: version and commit → rows made by it; all together those that were run.
     """
 
     lines: list[Line]
     rows: int
-    finished: int
     made_by: Counter[str]
 
 
@@ -90,18 +89,20 @@ def collect(suite: Suite, folder: Path) -> Board:
         InputError: there is no finished row.
     """
     rows = rows_of(suite)
-    finished = [row for row in rows if stored_row(row, folder) is not None]
-    if not finished:
+    groups: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
+    made_by: Counter[str] = Counter()
+    for row in rows:
+        if found := stored_row(row, folder):
+            names = tuple(row.names[axis] for axis in AXES)
+            groups[names].append(_scored(found, row_folder(row, folder), folder))
+            made_by[_maker(row_folder(row, folder))] += 1
+    if not groups:
         problem = f"no finished runs of {suite.name} in it"
         raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
-    groups: dict[tuple[str, ...], list[dict[str, Any]]] = defaultdict(list)
-    for row in finished:
-        groups[tuple(row.names[axis] for axis in AXES)].append(_scored(row, folder))
     order = {axis: list(getattr(suite, axis)) for axis in AXES}
     lines = [_line(names, group) for names, group in groups.items()]
     lines.sort(key=lambda line: _rank(line, order))
-    made_by = Counter(_maker(row_folder(row, folder)) for row in finished)
-    return Board(lines, len(rows), len(finished), made_by)
+    return Board(lines, len(rows), made_by)
 
 
 def _maker(folder: Path) -> str:
@@ -114,17 +115,14 @@ def _maker(folder: Path) -> str:
     return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
 
 
-def _scored(row: SuiteRow, folder: Path) -> dict[str, Any]:
+def _scored(stored: dict[str, Any], run: Path, folder: Path) -> dict[str, Any]:
     """row.json with the row's numbers, and with a run that was lost called so."""
-    where = row_folder(row, folder)
-    found = stored_row(row, folder) or {}
-    found["numbers"] = _numbers(where) if found["status"] == "ok" else {}
-    lost = lost_reason(found["numbers"])
-    if lost:
-        found |= {"status": "lost", "reason": lost}
-    manifest = where / "manifest.json"
-    found["manifest"] = str(manifest.relative_to(folder)) if manifest.is_file() else None
-    return found
+    numbers = _numbers(run) if stored["status"] == "ok" else {}
+    manifest = run / "manifest.json"
+    there = str(manifest.relative_to(folder)) if manifest.is_file() else None
+    found = {**stored, "numbers": numbers, "manifest": there}
+    lost = lost_reason(numbers)
+    return found | {"status": "lost", "reason": lost} if lost else found
 
 
 def lost_reason(numbers: Metrics) -> str:
@@ -154,9 +152,8 @@ def _last_error(trajectory: Trajectory, behind_m: float) -> float | None:
     """Largest error of a point behind P in the last share of a run [m]; None if undefined."""
     rows = slice(int((1.0 - LAST_SHARE) * len(trajectory)), None)
     q, aim = trajectory.q[rows, 0], trajectory.ref_q[rows, 0]
-    if behind_m == 0.0:  # P has an aim where θ2 has none
-        miss = (q - aim)[:, :2]
-    else:
+    miss = (q - aim)[:, :2]
+    if behind_m > 0.0:  # P has an aim where θ2 has none
         miss = point_behind(q, behind_m) - point_behind(aim, behind_m)
     largest = float(np.hypot(miss[:, 0], miss[:, 1]).max())
     return largest if math.isfinite(largest) else None

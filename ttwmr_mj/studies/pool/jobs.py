@@ -14,7 +14,7 @@ import sys
 import tempfile
 import traceback
 from collections.abc import Callable, Generator, Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -136,7 +136,7 @@ class _Process:
     def __init__(self, context: Any, job: Job, log: Path) -> None:
         self._job, self._log = job, log
         self._answer, answer = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(job.call, job.arguments, answer, log))
+        self._process = context.Process(target=_work, args=(job, answer, log))
         self._process.start()
         answer.close()
         self.handles = (self._answer, self._process.sentinel)
@@ -161,7 +161,7 @@ class _Process:
             late = f"timed out after {self._job.timeout_s:g} s"
             answer = Failed(self._job, late if timed_out else self._death(code))
         self._log.unlink(missing_ok=True)
-        return replace(answer, job=self._job)
+        return answer
 
     def end(self) -> int:
         """Kill the process and what it started, unless it has ended; its exit code."""
@@ -183,26 +183,21 @@ class _Process:
         return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
 
 
-def _work(
-    call: Callable[..., Any], arguments: tuple[Any, ...], answer: Connection, log: Path
-) -> None:
+def _work(job: Job, answer: Connection, log: Path) -> None:
     """In the process: do the job, answer with what came of it."""
     if hasattr(os, "setsid"):
         os.setsid()
     with log.open("wb") as file:  # what a law prints is not for the terminal
-        os.dup2(file.fileno(), sys.__stdout__.fileno() if sys.__stdout__ else 1)
-        os.dup2(file.fileno(), sys.__stderr__.fileno() if sys.__stderr__ else 2)
+        for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):
+            os.dup2(file.fileno(), stream.fileno() if stream else usual)
     said: Event
     try:
-        said = Done(_NOTHING, call(*arguments))
+        said = Done(job, job.call(*job.arguments))
     except TtwmrError as error:
-        said = Failed(_NOTHING, str(error), error)
+        said = Failed(job, str(error), error)
     except BaseException:
-        said = Failed(_NOTHING, traceback.format_exc().strip())
+        said = Failed(job, traceback.format_exc().strip())
     try:
         answer.send(said)
     except Exception:  # it cannot be pickled
-        answer.send(Failed(_NOTHING, traceback.format_exc().strip()))
-
-
-_NOTHING = Job("", print)  # the parent knows which job it was
+        answer.send(Failed(job, traceback.format_exc().strip()))

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
-from importlib import resources
+
+from ttwmr_mj.studies.reproduce.words import read_toml
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +26,7 @@ class Erratum:
     proof: str
 
 
-def _read() -> tuple[Erratum, ...]:
-    text = (resources.files(__package__) / "errata.toml").read_text(encoding="utf-8")
-    return tuple(
-        Erratum(**{key: " ".join(words.split()) for key, words in entry.items()})
-        for entry in tomllib.loads(text)["erratum"]
-    )
-
-
-ERRATA = _read()
+ERRATA = tuple(Erratum(**entry) for entry in read_toml(__package__, "errata.toml")["erratum"])
 
 
 def errata_markdown() -> str:

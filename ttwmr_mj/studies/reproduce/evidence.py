@@ -3,32 +3,19 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 from ttwmr_mj.studies.reproduce.execute import run_folder, study_file
-from ttwmr_mj.studies.reproduce.lyapunov_log import LyapunovLog, lyapunov_log
 from ttwmr_mj.studies.reproduce.runs import RUNS
-
-
-class Needs(Protocol):
-    """What is shown or judged from runs and studies."""
-
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of runs."""
-
-    @property
-    def studies(self) -> tuple[str, ...]:
-        """Names of studies."""
 
 
 class Evidence:
@@ -46,7 +33,6 @@ class Evidence:
         self.trajectory = cache(self._trajectory)
         self.metrics = cache(self._metrics)
         self.study = cache(self._study)
-        self.lyapunov = cache(self._lyapunov)
         self.scenario = cache(self._scenario)
 
     def _trajectory(self, run: str) -> Trajectory:
@@ -64,20 +50,14 @@ class Evidence:
     def _scenario(self, run: str) -> Scenario:
         return RUNS[run].scenario()
 
-    def _lyapunov(self, run: str) -> LyapunovLog:
-        controller = self.scenario(run).controller
-        if not isinstance(controller, LyapunovOptions):
-            raise TypeError(f"{run} has no Lyapunov function: its law is {controller.kind}")
-        return lyapunov_log(self.trajectory(run), controller)
-
     def recording(self, run: str) -> str | None:
         """A run's recording, relative to the folder; None if there is none."""
         path = f"runs/{run}/run.rrd"
         return path if (self.out / path).is_file() else None
 
-    def lacking(self, part: Needs) -> list[str]:
-        """The runs and studies of a claim or a figure that could not be done."""
-        return [name for name in (*part.runs, *part.studies) if name in self.failures]
+    def lacking(self, names: Iterable[str]) -> list[str]:
+        """Those of these runs and studies that could not be done."""
+        return [name for name in names if name in self.failures]
 
     def robot(self, run: str) -> RobotParameters:
         """The run's robot."""
@@ -89,22 +69,19 @@ class Evidence:
         number = metrics[metric]
         return float(number) if metrics["status"] == "ok" and number is not None else float("inf")
 
-    def worst(self, runs: tuple[str, ...], metric: str) -> float:
-        """The largest value of a metric among runs."""
-        return max(self.value(run, metric) for run in runs)
-
     def hitch_angle(self, run: str) -> FloatArray:
         """(n,) θ2 − θ1 of a run [rad]."""
         q = self.trajectory(run).q[:, 0]
         return np.asarray(q[:, THETA2] - q[:, THETA1])
 
-    def hitch_swing(self, run: str) -> float:
-        """Peak to peak of the hitch angle over the second half of a run [rad]."""
-        return float(np.ptp(second_half(self.hitch_angle(run))))
+    def lyapunov(self, run: str) -> tuple[FloatArray, FloatArray]:
+        """(n,) times [s] and V of Eq. 33 and 44, which the law logged, of a run that may break off.
 
-    def sees_with_camera(self, *runs: str) -> bool:
-        """Whether all these runs had a camera in the loop."""
-        return all(str(self.scenario(run).sensing.kind) == "camera" for run in runs)
+        V mixes m² and (m/s)², as the article's does; only its shape over time means something.
+        """
+        trajectory = self.trajectory(run)
+        v = trajectory.signals["lyapunov_v"][:, 0]
+        return trajectory.time_s[np.isfinite(v)], v[np.isfinite(v)]
 
 
 def second_half(values: np.ndarray) -> np.ndarray:

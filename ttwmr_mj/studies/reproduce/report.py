@@ -13,21 +13,16 @@ from typing import Any
 
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
-from ttwmr_mj.studies.reproduce import friction
-from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
-from ttwmr_mj.studies.reproduce.claims.judging import Judgement, mm
+from ttwmr_mj.studies.reproduce.claims import friction
+from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.runs import RUNS
+from ttwmr_mj.studies.reproduce.words import mm
 
 CLAIMS_SCHEMA_VERSION = 1
-NO_CAMERA = "Evidence missing: no camera was in the loop of these runs; they see the true state."
-
-
-def judge_all(evidence: Evidence) -> dict[str, Judgement]:
-    """Every claim's verdict."""
-    return {name: claim.judgement(evidence) for name, claim in CLAIMS.items()}
+REPORTED = ("ttwmr-mj", *LIBRARIES, "scipy", "sympy")
 
 
 def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Path) -> None:
@@ -41,9 +36,9 @@ def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Pat
             **asdict(judgement),
             "runs": [
                 {"run": run, "folder": f"runs/{run}", "recording": evidence.recording(run)}
-                for run in CLAIMS[name].runs
+                for run in CLAIMS[name].numbers.runs
             ],
-            "studies": list(CLAIMS[name].studies),
+            "studies": list(CLAIMS[name].numbers.studies),
         }
         for name, judgement in judgements.items()
     ]
@@ -72,41 +67,36 @@ def write_report(
     environment.filters["code"] = lambda text: Markup(
         re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text)))
     )
+    swept = not evidence.lacking(friction.SWEEP)
     page = environment.from_string(template).render(
         counts=Counter(judgement.verdict for judgement in judgements.values()),
         claims=[(CLAIMS[name], judgement) for name, judgement in judgements.items()],
         figures=[_figure(evidence, name) for name in drawn],
         errata=_errata(evidence) if judgements else [],
         largest_load_n_m=friction.largest_load_n_m(evidence),
-        balances=_balances(evidence) if judgements else [],
+        balances=friction.balances(evidence) if judgements and swept else [],
         runs=[_run(evidence, name) for name in _used(drawn, judgements)],
         recording=evidence.recording,
         mm=mm,
-        versions={"ttwmr-mj": library_version("ttwmr-mj"), **_libraries()},
+        versions={name: library_version(name) for name in REPORTED},
         commit=git_commit(),
     )
     write_text(path, page)
 
 
-def _libraries() -> dict[str, str | None]:
-    return {name: library_version(name) for name in (*LIBRARIES, "scipy", "sympy")}
-
-
 def _used(drawn: list[str], judgements: dict[str, Judgement]) -> list[str]:
-    names = [run for figure in drawn for run in FIGURES[figure].runs]
-    names += [run for claim in judgements for run in CLAIMS[claim].runs]
-    return [name for name in RUNS if name in set(names)]
+    shown = [FIGURES[name] for name in drawn] + [CLAIMS[name] for name in judgements]
+    used = {run for part in shown for run in part.numbers.runs}
+    return [name for name in RUNS if name in used]
 
 
 def _figure(evidence: Evidence, name: str) -> dict[str, Any]:
     """What the template cannot see in a figure itself."""
     figure, drawing = FIGURES[name], evidence.out / "figures" / f"{name}.svg"
-    lacking = evidence.lacking(figure)
-    unseen = figure.of_experiment and not evidence.sees_with_camera(*figure.runs)
+    lacking = evidence.lacking(figure.numbers.needed)
     return {
         "figure": figure,
-        "found": f"Not run: {', '.join(lacking)}." if lacking else figure.found(evidence),
-        "note": NO_CAMERA if unseen else None,
+        "found": f"Not run: {', '.join(lacking)}." if lacking else figure.caption(evidence),
         "svg": None if lacking else base64.b64encode(drawing.read_bytes()).decode("ascii"),
     }
 
@@ -121,16 +111,6 @@ def _errata(evidence: Evidence) -> list[dict[str, Any]]:
     ]
 
 
-def _balances(evidence: Evidence) -> list[friction.Balance]:
-    lacking = any(run in evidence.failures for run in friction.SWEEP)
-    return [] if lacking else friction.balances(evidence)
-
-
 def _run(evidence: Evidence, name: str) -> dict[str, str]:
     status = "not run" if name in evidence.failures else evidence.metrics(name)["status"]
     return {"name": name, "command": shlex.join(RUNS[name].command()), "status": status}
-
-
-def report_name(only: list[str]) -> str:
-    """report.html, or another name for a report of single figures."""
-    return f"report-{'-'.join(only)}.html" if only else "report.html"

@@ -8,13 +8,12 @@ from pathlib import Path
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.runs.progress import progress_bar
 from ttwmr_mj.scenario.faults import suggestion
-from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
-from ttwmr_mj.studies.reproduce.claims.judging import Judgement
+from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.execute import execute, missing_tasks
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
-from ttwmr_mj.studies.reproduce.report import judge_all, report_name, write_claims, write_report
+from ttwmr_mj.studies.reproduce.report import write_claims, write_report
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
 
@@ -51,19 +50,20 @@ def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) 
     """
     figures = _checked(only or [])
     _check_folder(out)
-    runs = _needed_runs(figures) if only else list(RUNS)
-    studies = [s for name in figures for s in FIGURES[name].studies] if only else list(STUDIES)
-    tasks = missing_tasks(out, runs, studies)
+    needed = [FIGURES[name].numbers for name in figures]
+    runs = {run for numbers in needed for run in numbers.runs} if only else RUNS
+    studies = [s for numbers in needed for s in numbers.studies] if only else STUDIES
+    tasks = missing_tasks(out, [name for name in RUNS if name in runs], studies)
     with progress_bar("reproduce", len(tasks) + len(figures), "parts", quiet) as progress:
         failed = execute(tasks, progress)
         failures = {event.job.name: event.reason for event in failed}
         evidence = Evidence(out, failures)
-        drawn = [name for name in figures if not evidence.lacking(FIGURES[name])]
+        drawn = [name for name in figures if not evidence.lacking(FIGURES[name].numbers.needed)]
         _draw(drawn, evidence)
         if progress:
             progress(len(tasks) + len(figures))
-    judgements = {} if only else judge_all(evidence)
-    report = out / report_name(only or [])
+    judgements = {} if only else {n: claim.judgement(evidence) for n, claim in CLAIMS.items()}
+    report = out / f"{'-'.join(['report', *(only or [])])}.html"
     if judgements:
         write_claims(evidence, judgements, out / "claims.json")
     write_report(evidence, judgements, figures, report)
@@ -99,11 +99,6 @@ def _check_folder(out: Path) -> None:
 
 def _ours(name: str) -> bool:
     return name in ("runs", "studies", "figures", "claims.json") or name.startswith("report")
-
-
-def _needed_runs(figures: list[str]) -> list[str]:
-    needed = {run for name in figures for run in FIGURES[name].runs}
-    return [name for name in RUNS if name in needed]
 
 
 def _draw(names: list[str], evidence: Evidence) -> None:

@@ -12,8 +12,8 @@ import numpy as np
 from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
 from ttwmr_mj.figures.style import GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
 from ttwmr_mj.results.curves import trailer_com
-from ttwmr_mj.state import LEFT, RIGHT, FloatArray
-from ttwmr_mj.studies.reproduce import friction
+from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.reproduce.claims import friction
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures.figures import FigureSpec
 from ttwmr_mj.studies.reproduce.ideal.step_size import STEPS_S
@@ -62,28 +62,21 @@ def _draw_paths(body: str) -> Callable[..., None]:
     return drawer
 
 
-def _draw_coordinate(column: int, label: str) -> Callable[..., None]:
+def _draw_over_time(column: str, label: str) -> Callable[..., None]:
+    """A column of trajectory.parquet with its reference, or a wheel's speed with its limits."""
+
     def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
-        axes = time_axes(figure, label)
-        for run, name, colour in _in_order(wanted):
-            trajectory = evidence.trajectory(run)
-            axes.plot(trajectory.time_s, trajectory.q[:, 0, column], color=colour, label=name)
-        axes.plot(trajectory.time_s, trajectory.ref_q[:, 0, column], **REFERENCE, label="reference")
-        legend_below(figure, axes=axes)
-
-    return drawer
-
-
-def _draw_wheel(wheel: int, label: str) -> Callable[..., None]:
-    def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
-        axes = time_axes(figure, label)
-        for run, name, colour in _in_order(wanted):
-            trajectory = evidence.trajectory(run)
-            speed = trajectory.wheel_speed_rad_s[:, 0, wheel]
-            axes.plot(trajectory.time_s, speed, color=colour, linewidth=1.0, label=name)
-        limit = evidence.robot(run).servo.speed_limit_rad_s
-        for sign in (1.0, -1.0):
-            axes.axhline(sign * limit, **REFERENCE, label="servo's limit" if sign > 0.0 else None)
+        axes, is_wheel = time_axes(figure, label), column.startswith("wheel")
+        width = 1.0 if is_wheel else None
+        for (run, name), colour in zip(wanted.panels[0].runs, COLOURS, strict=False):
+            columns = evidence.trajectory(run).to_columns()
+            axes.plot(columns["time_s"], columns[column], color=colour, label=name, linewidth=width)
+        if is_wheel:
+            limit = evidence.robot(run).servo.speed_limit_rad_s
+            axes.axhline(limit, **REFERENCE, label="servo's limit")
+            axes.axhline(-limit, **REFERENCE)
+        else:
+            axes.plot(columns["time_s"], columns[f"ref_{column}"], **REFERENCE, label="reference")
         legend_below(figure, axes=axes)
 
     return drawer
@@ -112,18 +105,12 @@ def _draw_step_size(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> N
     figure.set_size_inches(WIDTH_IN, 5.0)
     grid = figure.subplots(2, 3, sharex=True, sharey=True)
     shades = np.linspace(0.15, 1.0, len(STEPS_S))
-    for axes, name in zip(grid.flat, wanted.studies, strict=True):
+    for axes, name in zip(grid.flat, wanted.numbers.studies, strict=True):
         study = evidence.study(name)
         for run, shade in zip(study["runs"], shades, strict=True):
             error = np.clip(run["error_m"], 1e-3, 1e3)
-            axes.semilogy(
-                run["time_s"],
-                error,
-                color=TRACTOR,
-                alpha=shade,
-                linewidth=0.9,
-                label=_step(run["step_s"]),
-            )
+            curve = axes.semilogy(run["time_s"], error, color=TRACTOR, alpha=shade, linewidth=0.9)
+            curve[0].set_label(_step(run["step_s"]))
         axes.set_title(study["law"].replace(", ", ",\n", 1))
         axes.set(ylim=(1e-2, 30.0))
     for axes in grid[-1]:
@@ -158,10 +145,10 @@ def _draw_continuous(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> 
 
 def _draw_lyapunov(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
     axes = time_axes(figure, "V / V(0)")
-    for run, name, colour in _in_order(wanted):
-        log = evidence.lyapunov(run)
-        share = np.maximum(log.v / log.v[0], 1e-12)
-        axes.semilogy(_thin(log.time_s), _thin(share), color=colour, linewidth=1.0, label=name)
+    for (run, name), colour in zip(wanted.panels[0].runs, COLOURS, strict=True):
+        time_s, v = evidence.lyapunov(run)
+        share = np.maximum(v / v[0], 1e-12)
+        axes.semilogy(_thin(time_s), _thin(share), color=colour, linewidth=1.0, label=name)
     legend_below(figure, axes=axes)
 
 
@@ -175,16 +162,9 @@ def _draw_friction(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> No
     friction_mn_m = [1e3 * max(row.friction_n_m, 2e-5) for row in rows]
     angles = [row.hitch_angle_rad for row in rows]
     swings = [0.5 * row.swing_rad for row in rows]
-    left.errorbar(
-        friction_mn_m,
-        angles,
-        swings,
-        fmt="o",
-        color=TRAILER,
-        markersize=4,
-        capsize=2,
-        label="contact physics, mean and range",
-    )
+    points = {"fmt": "o", "color": TRAILER, "markersize": 4, "capsize": 2}
+    found = "contact physics, mean and range"
+    left.errorbar(friction_mn_m, angles, swings, label=found, **points)
     left.axvline(1e3 * load, **REFERENCE)
     left.set(
         xscale="log",
@@ -206,21 +186,15 @@ def _draw_friction(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> No
 DRAWERS: dict[str, Callable[[Figure, FigureSpec, Evidence], None]] = {
     "tractor_paths": _draw_paths("tractor"),
     "trailer_paths": _draw_paths("trailer"),
-    "x": _draw_coordinate(0, "x of P [m]"),
-    "y": _draw_coordinate(1, "y of P [m]"),
-    "theta1": _draw_coordinate(2, "θ1 [rad]"),
-    "theta2": _draw_coordinate(3, "θ2 [rad]"),
-    "wheel_right": _draw_wheel(RIGHT, "right wheel [rad/s]"),
-    "wheel_left": _draw_wheel(LEFT, "left wheel [rad/s]"),
+    "x": _draw_over_time("x_m", "x of P [m]"),
+    "y": _draw_over_time("y_m", "y of P [m]"),
+    "theta1": _draw_over_time("theta1_rad", "θ1 [rad]"),
+    "theta2": _draw_over_time("theta2_rad", "θ2 [rad]"),
+    "wheel_right": _draw_over_time("wheel_right_rad_s", "right wheel [rad/s]"),
+    "wheel_left": _draw_over_time("wheel_left_rad_s", "left wheel [rad/s]"),
     "phase_plane": _draw_phase_plane,
     "step_size": _draw_step_size,
     "continuous": _draw_continuous,
     "lyapunov": _draw_lyapunov,
     "friction": _draw_friction,
 }
-
-
-def _in_order(wanted: FigureSpec) -> list[tuple[str, str, str]]:
-    """(run, label, colour) of a figure with one panel."""
-    runs = wanted.panels[0].runs
-    return [(run, label, colour) for (run, label), colour in zip(runs, COLOURS, strict=False)]

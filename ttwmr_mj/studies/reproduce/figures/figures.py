@@ -1,31 +1,22 @@
-"""Every figure of the report: what it shows, and what the article reports of it."""
+"""Every figure of the report (figures.toml): what it shows, and what the article reports of it."""
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from importlib import resources
+from typing import Any
 
-from ttwmr_mj.studies.reproduce import friction
-from ttwmr_mj.studies.reproduce.claims.judging import TRACTOR_ERROR, TRAILER_ERROR
+from ttwmr_mj.studies.reproduce.claims.computed import Numbers
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.figures import captions
-from ttwmr_mj.studies.reproduce.figures.panels import (
-    EIGHT,
-    LAB,
-    LAB_IN_ONE,
-    LAW_32,
-    LYAPUNOV_RUNS,
-    PID,
-    SPRUNG,
-    Panel,
-)
-from ttwmr_mj.studies.reproduce.ideal.studies import STEP_STUDIES
+from ttwmr_mj.studies.reproduce.words import mm, read_toml, told
 
-Found = Callable[[Evidence], str]
-FRICTION = (Panel("", tuple((run, "") for run in friction.SWEEP)),)
+
+@dataclass(frozen=True, slots=True)
+class Panel:
+    """One pair of axes: a title and the runs drawn in it, (name, label)."""
+
+    title: str
+    runs: tuple[tuple[str, str], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,66 +26,59 @@ class FigureSpec:
     Attributes:
         name: as in `--only`.
         kind: how it is drawn, a key of `drawings.DRAWERS`.
-        found: what our runs show.
-        panels: the runs.
-        studies: the studies it needs.
-        title: its heading (figures.toml).
-        reported: what the article says it shows (figures.toml).
+        panels: the runs in it.
+        title: its heading.
+        reported: what the article says it shows.
+        found: what our runs show, with numbers in braces.
+        metric: whose value in every run is the number `errors`; "": of none.
+        numbers: what else is told, and all runs and studies that are needed.
     """
 
     name: str
     kind: str
-    found: Found
     panels: tuple[Panel, ...]
-    studies: tuple[str, ...]
     title: str
     reported: str
+    found: str
+    metric: str
+    numbers: Numbers
 
-    @property
-    def runs(self) -> tuple[str, ...]:
-        """Names of all runs in it, each once."""
-        return tuple(dict.fromkeys(name for panel in self.panels for name, _ in panel.runs))
+    def caption(self, evidence: Evidence) -> str:
+        """What our runs show."""
+        values = LIMITS | self.numbers.values(evidence)
+        return told(self.found, {**values, "errors": self._errors(evidence)})
 
-    @property
-    def of_experiment(self) -> bool:
-        """Whether the article shows its experiment here, which had a camera in the loop."""
-        return any(name.startswith(("lab-", "eight-")) for name in self.runs)
+    def _errors(self, evidence: Evidence) -> str:
+        """The metric of every run, panel by panel."""
+        parts = []
+        for panel in self.panels if self.metric else ():
+            runs = ((evidence.value(run, self.metric), label) for run, label in panel.runs)
+            parts.append(f"{panel.title}: {', '.join(f'{mm(m)} ({label})' for m, label in runs)}")
+        return "; ".join(parts)
 
 
-def _figures() -> Iterator[tuple[str, str, Found, tuple[Panel, ...], tuple[str, ...]]]:
-    """Name, kind, what was found, panels and studies of every figure, in the report's order."""
-    tractor, trailer = (
-        partial(captions.errors, metric) for metric in (TRACTOR_ERROR, TRAILER_ERROR)
+def _figure(name: str, entry: dict[str, Any], every_panel: dict[str, Any]) -> FigureSpec:
+    panels = tuple(
+        Panel(title, tuple((run, label) for label, run in runs.items()))
+        for title, runs in every_panel.get(entry.get("panels", ""), {}).items()
     )
-    yield "fig3", "tractor_paths", tractor(LAW_32), LAW_32, ()
-    yield "fig4", "trailer_paths", captions.free_trailer, LAW_32, ()
-    yield "fig5", "tractor_paths", tractor(SPRUNG), SPRUNG, ()
-    yield "fig6", "trailer_paths", captions.sprung_trailer, SPRUNG, ()
-    yield "fig7", "tractor_paths", tractor(PID), PID, ()
-    yield "fig8", "trailer_paths", trailer(PID), PID, ()
-    yield "fig11", "tractor_paths", tractor(LAB), LAB, ()
-    yield "fig12", "trailer_paths", trailer(LAB), LAB, ()
-    yield "fig13", "x", captions.axis_errors(0), LAB_IN_ONE, ()
-    yield "fig14", "y", captions.axis_errors(1), LAB_IN_ONE, ()
-    yield "fig15", "theta1", captions.angle_errors("steady_theta1_rmse_rad"), LAB_IN_ONE, ()
-    yield "fig16", "theta2", captions.angle_errors("steady_theta2_rmse_rad"), LAB_IN_ONE, ()
-    yield "fig17", "wheel_right", captions.wheels, LAB_IN_ONE, ()
-    yield "fig18", "wheel_left", captions.wheels, LAB_IN_ONE, ()
-    yield "fig19", "trailer_paths", trailer(EIGHT), EIGHT, ()
-    yield "phase-plane", "phase_plane", captions.phase_plane, (), ("phase-plane",)
-    yield "step-size", "step_size", captions.step_size, (), tuple(STEP_STUDIES)
-    yield "continuous", "continuous", captions.continuous, (), ("continuous",)
-    yield "lyapunov", "lyapunov", captions.lyapunov, (Panel("", LYAPUNOV_RUNS),), ()
-    yield "friction", "friction", friction.found, FRICTION, ()
+    shown = tuple(run for panel in panels for run, _ in panel.runs)
+    return FigureSpec(
+        name=name,
+        kind=entry["kind"],
+        panels=panels,
+        title=entry["title"],
+        reported=entry["reported"],
+        found=entry["found"],
+        metric=entry.get("metric", ""),
+        numbers=Numbers.of(entry, shown),
+    )
 
 
 def _read() -> dict[str, FigureSpec]:
-    text = (resources.files(__package__) / "figures.toml").read_text(encoding="utf-8")
-    words = tomllib.loads(text)
-    return {
-        name: FigureSpec(name, kind, found, panels, studies, **words[name])
-        for name, kind, found, panels, studies in _figures()
-    }
+    read = read_toml(__package__, "figures.toml")
+    panels = read.pop("panels")
+    return {name: _figure(name, entry, panels) for name, entry in read.items()}
 
 
 FIGURES = _read()

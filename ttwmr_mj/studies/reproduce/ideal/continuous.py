@@ -15,7 +15,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
-from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, State, solve
+from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, State, solve
 
 CIRCLES = {"lab circle (Eq. 72-73)": (0.43, 0.125, 0.35), "circle (Eq. 37)": (1.0, 0.5, 0.0)}
 THETA2 = {"aligned": 0.5 * math.pi, "outward": math.pi}
@@ -45,13 +45,14 @@ def _case(loop: IdealLoop) -> dict[str, Any]:
         return loop.command(time_s, z).d
 
     path = solve(loop, loop.at_rest(*START_M), DURATION_S, singular if exact else None)
-    v = np.array([loop.lyapunov(t, z) for t, z in zip(path.time_s, path.z, strict=True)])
-    commands = [loop.command(t, tuple(z)) for t, z in zip(path.time_s, path.z, strict=True)]
+    rows = [(t, tuple(z)) for t, z in zip(path.time_s, path.z, strict=True)]
+    v = np.array([loop.lyapunov(*row) for row in rows])
+    commands = [loop.command(*row) for row in rows]
     return {
         "end": path.end,
         "end_time_s": float(path.time_s[-1]),
         "time_s": path.time_s.tolist(),
-        "error_m": _distance(loop, path).tolist(),
+        "error_m": loop.distances(path).tolist(),
         "v_share": (v / v[0]).tolist(),
         "e5_rad": [command.e5 for command in commands],
         "rho_d": [CONSTANT.rho * command.d for command in commands],
@@ -62,10 +63,6 @@ def decade_times() -> list[float]:
     """When law (32) without singular terms has brought |e| to 10⁻¹, 10⁻², ... of its start [s]."""
     loop = IdealLoop(LyapunovOptions(kind="lyapunov"), *CIRCLES["lab circle (Eq. 72-73)"])
     path = solve(loop, loop.at_rest(*START_M), 70.0, samples=7001)
-    share = _distance(loop, path) / _distance(loop, path)[0]
+    distances = loop.distances(path)
+    share = distances / distances[0]
     return [float(path.time_s[np.argmax(share < 10.0**-n)]) for n in range(1, DECADES + 1)]
-
-
-def _distance(loop: IdealLoop, path: Solution) -> Any:
-    errors = np.array([loop.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)])
-    return np.hypot(errors[:, 0], errors[:, 2])

@@ -70,20 +70,21 @@ class IdealLoop:
 
     def errors(self, time_s: float, z: State) -> tuple[float, float, float, float]:
         """(e1, e2, e3, e4) of Eq. 30."""
-        angle = self.rate_rad_s * time_s + self.phase_rad
+        rate = self.rate_rad_s
+        angle = rate * time_s + self.phase_rad
         x, y = self.radius_m * math.cos(angle), self.radius_m * math.sin(angle)
-        return (
-            z[0] - x,
-            z[1] + self.rate_rad_s * y,
-            z[2] - y,
-            z[3] - self.rate_rad_s * x,
-        )
+        return z[0] - x, z[1] + rate * y, z[2] - y, z[3] - rate * x
 
     def lyapunov(self, time_s: float, z: State) -> float:
         """V of Eq. 33."""
         e1, e2, e3, e4 = self.errors(time_s, z)
         o = self.options
         return 0.5 * (o.alpha1 * e1**2 + o.alpha2 * e2**2 + o.alpha3 * e3**2 + o.alpha4 * e4**2)
+
+    def distances(self, path: Solution) -> FloatArray:
+        """(n,) of P from its reference along a solution [m]."""
+        errors = [self.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)]
+        return np.asarray(np.hypot(*np.array(errors)[:, ::2].T))
 
     def command(self, time_s: float, z: State) -> Command:
         """The law at one instant, cut to the limit."""
@@ -107,15 +108,8 @@ class IdealLoop:
         """Eq. 31 and the rate of the integral."""
         command = self.command(time_s, z)
         across = command.v2 * math.cos(z[4]) - command.v1 * math.sin(z[4])
-        return (
-            z[1],
-            command.v1,
-            z[3],
-            command.v2,
-            z[5],
-            across / self.swing_length_m,
-            command.e5,
-        )
+        turn = across / self.swing_length_m
+        return z[1], command.v1, z[3], command.v2, z[5], turn, command.e5
 
 
 def pulled(e: float, e_rate: float, options: LyapunovOptions) -> float:

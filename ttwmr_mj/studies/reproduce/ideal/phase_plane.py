@@ -11,7 +11,6 @@ e2 = 0, that is, the error stands still.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -20,35 +19,25 @@ from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.studies.reproduce.ideal.loop import ends_where, pulled
 
 PRINTED = LyapunovOptions(kind="lyapunov", singular_terms="published")
+ALPHA1, ALPHA2 = PRINTED.alpha1, PRINTED.alpha2
 STARTS = 24
 HORIZON_S = 20.0
 RADIUS_M = 0.5  # of the ring of starts: e1 in m, e2 in m/s
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
-    """α1, α2 of one axis."""
+def rates(time_s: float, e: Any) -> tuple[float, float]:
+    """(e1', e2') as printed."""
+    del time_s
+    e1, e2 = float(e[0]), float(e[1])
+    return e2, -ALPHA2 * e2 - ALPHA1 / ALPHA2 * pulled(e1, e2, PRINTED)
 
-    alpha1: float = 25.0
-    alpha2: float = 10.0
 
-    def slope(self, u: float) -> float:
-        """U' for u = e2/e1."""
-        ratio = self.alpha1 / self.alpha2
-        return -self.alpha2 * u - ratio * (1.0 + 1.0 / u) - u * u
-
-    def rates(self, time_s: float, e: Any) -> tuple[float, float]:
-        """(e1', e2') as printed."""
-        del time_s
-        e1, e2 = float(e[0]), float(e[1])
-        return e2, -self.alpha2 * e2 - self.alpha1 / self.alpha2 * pulled(e1, e2, PRINTED)
-
-    def invariant_ray(self) -> float:
-        """The only u with u' = 0, where e1 → 0 along a straight line."""
-        a2, ratio = self.alpha2, self.alpha1 / self.alpha2
-        roots = np.roots([1.0, a2, ratio, ratio])
-        real = roots[np.abs(roots.imag) < 1e-9].real
-        return float(real.min())
+def invariant_ray() -> float:
+    """The only u = e2/e1 with u' = 0 [1/s], where e1 → 0 along a straight line."""
+    ratio = ALPHA1 / ALPHA2
+    roots = np.roots([1.0, ALPHA2, ratio, ratio])
+    real = roots[np.abs(roots.imag) < 1e-9].real  # of the three, two are a complex pair
+    return float(real.min())
 
 
 def study() -> dict[str, Any]:
@@ -59,14 +48,12 @@ def study() -> dict[str, Any]:
     """
     from scipy.integrate import solve_ivp
 
-    axis = Axis()
-
     paths, ends, left, v_left = [], [], [], []
     for i in range(STARTS):
         angle = 2.0 * math.pi * (i + 0.5) / STARTS  # none of them on e2 = 0
         start = (RADIUS_M * math.cos(angle), RADIUS_M * math.sin(angle))
         solution = solve_ivp(
-            axis.rates,
+            rates,
             (0.0, HORIZON_S),
             start,
             method="DOP853",
@@ -79,12 +66,12 @@ def study() -> dict[str, Any]:
         paths.append([e1.tolist(), e2.tolist()])
         ends.append(float(solution.t[-1]))
         left.append(float(e1[-1]))
-        before = axis.alpha1 * start[0] ** 2 + axis.alpha2 * start[1] ** 2
-        v_left.append(float((axis.alpha1 * e1[-1] ** 2 + axis.alpha2 * e2[-1] ** 2) / before))
+        before = ALPHA1 * start[0] ** 2 + ALPHA2 * start[1] ** 2
+        v_left.append(float((ALPHA1 * e1[-1] ** 2 + ALPHA2 * e2[-1] ** 2) / before))
     return {
-        "alpha1": axis.alpha1,
-        "alpha2": axis.alpha2,
-        "invariant_ray_1_s": axis.invariant_ray(),
+        "alpha1": ALPHA1,
+        "alpha2": ALPHA2,
+        "invariant_ray_1_s": invariant_ray(),
         "paths": paths,
         "end_time_s": ends,
         "left_e1_m": left,

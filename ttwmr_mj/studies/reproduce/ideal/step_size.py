@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
-from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
+from ttwmr_mj.studies.reproduce.ideal.continuous import CONSTANT, EXACT
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, sampled
 
 STEPS_S = (33e-3, 10e-3, 3.3e-3, 1e-3, 330e-6, 100e-6, 33e-6, 10e-6)
@@ -21,22 +21,14 @@ DURATION_S = 4.0
 GRIP_M_S2 = 9.0  # about 0.9·g: friction of tyres on the floor
 SHOWN = 240  # rows of each curve
 
+PRINTED = LyapunovOptions(kind="lyapunov", singular_terms="published")
 LAWS: dict[str, tuple[LyapunovOptions, float]] = {
     "law (32), singular terms omitted": (LyapunovOptions(kind="lyapunov"), math.inf),
-    "law (32) as printed": (
-        LyapunovOptions(kind="lyapunov", singular_terms="published"),
-        math.inf,
-    ),
-    "law (32) as printed, limited": (
-        LyapunovOptions(kind="lyapunov", singular_terms="published"),
-        GRIP_M_S2,
-    ),
-    "law (47), γ exact, limited": (
-        LyapunovPidOptions(kind="lyapunov_pid", gamma="exact"),
-        GRIP_M_S2,
-    ),
-    "law (70), constant ρ": (LyapunovPidOptions(kind="lyapunov_pid"), math.inf),
-    "law (70), constant ρ, limited": (LyapunovPidOptions(kind="lyapunov_pid"), GRIP_M_S2),
+    "law (32) as printed": (PRINTED, math.inf),
+    "law (32) as printed, limited": (PRINTED, GRIP_M_S2),
+    "law (47), γ exact, limited": (EXACT, GRIP_M_S2),
+    "law (70), constant ρ": (CONSTANT, math.inf),
+    "law (70), constant ρ, limited": (CONSTANT, GRIP_M_S2),
 }
 
 
@@ -50,8 +42,7 @@ def study(name: str) -> dict[str, Any]:
 
 
 def _row(loop: IdealLoop, path: Solution, step_s: float) -> dict[str, Any]:
-    errors = np.array([loop.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)])
-    distance = np.hypot(errors[:, 0], errors[:, 2])
+    distance = loop.distances(path)
     finite = np.isfinite(distance)
     return {
         "step_s": step_s,

@@ -14,12 +14,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.studies.reproduce.claims.judging import TRAILER_FOLLOWS_M, mm
+from ttwmr_mj.studies.reproduce.claims.limits import TRAILER_FOLLOWS_M
 from ttwmr_mj.studies.reproduce.evidence import Evidence
-from ttwmr_mj.studies.reproduce.runs import SWEEP_FRICTION_N_M, friction_run
+from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
 VISCOUS = "friction-viscous"
-SWEEP = (*(friction_run(friction) for friction in SWEEP_FRICTION_N_M), VISCOUS)
+SWEEP = matching(["friction-*-unm", VISCOUS], RUNS)
 STANDS_RAD = 1e-3  # peak to peak of the hitch angle over the last quarter
 
 
@@ -83,22 +83,15 @@ def _balance(evidence: Evidence, run: str) -> Balance:
     )
 
 
-def found(evidence: Evidence) -> str:
-    """The sweep in words."""
-    rows = balances(evidence)
-    load = largest_load_n_m(evidence)
-    dry = [row for row in rows if row.run != VISCOUS]
-    follows = min(r.friction_n_m for r in dry if r.trailer_error_m <= TRAILER_FOLLOWS_M)
-    viscous = rows[-1]
+def numbers(evidence: Evidence) -> dict[str, float]:
+    """The sweep in numbers."""
+    *dry, viscous = balances(evidence)
     standing = [row for row in dry if row.stands]
-    kept = sum(row.balanced for row in standing)
-    return (
-        f"The load of a trailer straight behind the tractor is m2·l·R·ω² = {1e3 * load:.3f} mN·m. "
-        f"From {1e3 * follows:.2f} mN·m on, friction holds it there, to {mm(TRAILER_FOLLOWS_M)} "
-        f"and better; below, the trailer turns outward and stops where |cos φ| ≤ T/(m2·l·R·ω²): "
-        f"so in {kept} of {len(standing)} runs that came to rest. Viscous friction of 1e-3 N·m·s "
-        f"alone leaves it at {viscous.hitch_angle_rad:.2f} rad. Friction of a third of a "
-        "milli-newton-metre is little for a real hinge, so it can explain a laboratory trailer "
-        "that follows, without any control of θ2. It cannot explain the simulations, nor a tractor "
-        "that follows under law (70); whether it is what happened, only the hitch could tell."
-    )
+    follows = [row.friction_n_m for row in dry if row.trailer_error_m <= TRAILER_FOLLOWS_M]
+    return {
+        "largest_load_mn_m": 1e3 * largest_load_n_m(evidence),
+        "least_friction_that_carries_mn_m": 1e3 * min(follows),
+        "runs_that_stand": len(standing),
+        "runs_that_balance": sum(row.balanced for row in standing),
+        "viscous_hitch_angle_rad": viscous.hitch_angle_rad,
+    }
