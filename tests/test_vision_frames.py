@@ -50,10 +50,9 @@ def test_segmentation_shows_each_label_where_the_truth_projects_it() -> None:
 
 def test_a_region_has_the_bits_of_the_whole() -> None:
     source = camera()
-    renderer = source._renderer
-    renderer.place(source.posture.positions(POSE))
-    whole = renderer.robot(Region(100, -400, 600, 100))
-    part = renderer.robot(Region(207, -311, 401, -5))
+    renderer, qpos = source._renderer, source.posture.positions(POSE)
+    whole = renderer.robot(qpos, Region(100, -400, 600, 100))
+    part = renderer.robot(qpos, Region(207, -311, 401, -5))
     assert np.array_equal(part, whole[89:395, 107:301])
     assert part.any()
 

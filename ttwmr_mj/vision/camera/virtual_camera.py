@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import partial, reduce
 
-import cv2
 import mujoco
 import numpy as np
 
@@ -26,7 +24,6 @@ from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
 from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
 from ttwmr_mj.vision.camera.posture import Posture
-from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
 
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
@@ -85,7 +82,7 @@ class VirtualCamera:
 
     def lay_out(self, distractors: tuple[Distractor, ...]) -> None:
         """Put other distractors on the floor."""
-        whole = self._lens.whole
+        whole, sensor = self._lens.whole, self._lens.sensor
         self._floor = self._empty_floor.copy()
         classes = np.zeros(whole.shape, dtype=np.uint8)
         for distractor in distractors:
@@ -95,9 +92,8 @@ class VirtualCamera:
             colour = 255 * self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
             fill(self._floor, outline, colour.tolist())
             fill(classes, outline, [DISTRACTOR_CLASS], smooth=False)
-        everywhere = slice(0, self.true.height_px), slice(0, self.true.width_px)
-        self._background = self._lens.expose(self._floor, whole, *everywhere)
-        self._background_classes = self._lens.nearest(classes, whole, *everywhere)
+        self._background = self._lens.expose(self._floor, whole, sensor)
+        self._background_classes = self._lens.nearest(classes, whole, sensor)
 
     def take(
         self,
@@ -143,28 +139,27 @@ class VirtualCamera:
         self, qpos: FloatArray, q_rate: FloatArray, *, segmentation: bool
     ) -> tuple[Image, Image | None]:
         """What falls on the sensor, and the classes seen, at the middle of the exposure."""
-        instants = self._instants(qpos, q_rate)
-        region = self._region(instants)
-        rows, columns = self._lens.footprint(region)
         light = self._background.copy()
         classes = self._background_classes.copy() if segmentation else None
-        if rows.start >= rows.stop or columns.start >= columns.stop:
+        instants = self._instants(qpos, q_rate)
+        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
+        region = self._renderer.robot_region(ends, self._options.supersampling)
+        window = self._lens.footprint(region)
+        if min(window.shape) <= 0:
             return light, classes
-        source = self._lens.source(rows, columns)
-        pictures = map(partial(self._picture, source), instants)
-        picture = next(pictures)
-        if len(instants) > 1:
-            total = picture.astype(np.float32)
-            for other in pictures:
-                cv2.accumulate(other, total)
-            picture = np.rint(total / len(instants)).astype(np.uint8)
-        light[rows, columns] = self._lens.expose(picture, source, rows, columns)
+        seen = window.within(self._lens.sensor)
+        source = self._lens.source(window)
+        floor = self._floor[source.within(self._lens.whole)]
+        pictures = [self._renderer.robot_on(floor, instant, source) for instant in instants]
+        picture = pictures[0]
+        if len(pictures) > 1:
+            picture = np.rint(np.mean(pictures, axis=0, dtype=np.float32)).astype(np.uint8)
+        light[seen] = self._lens.expose(picture, source, window)
         if classes is not None:
-            self._renderer.place(instants[len(instants) // 2])
-            ids = self._renderer.robot_ids(source)
+            ids = self._renderer.robot_ids(instants[len(instants) // 2], source)
             fine = self._classes[ids]  # −1, beside the robot, finds the last entry: background
-            seen = self._lens.nearest(fine, source, rows, columns)
-            np.copyto(classes[rows, columns], seen, where=seen > 0)
+            robot = self._lens.nearest(fine, source, window)
+            np.copyto(classes[seen], robot, where=robot > 0)
         return light, classes
 
     def _instants(self, qpos: FloatArray, q_rate: FloatArray) -> list[FloatArray]:
@@ -179,20 +174,6 @@ class VirtualCamera:
         count = int(np.clip(np.ceil(travel_px / exposure.blur_step_px), 1, MAX_INSTANTS))
         ages = exposure.exposure_s * (np.arange(count) + 0.5) / count
         return [self.posture.moved(qpos, q_rate, -age) for age in ages]
-
-    def _region(self, instants: list[FloatArray]) -> Region:
-        """Where the robot is during the exposure."""
-        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
-        return reduce(Region.union, map(self._robot_region, ends))
-
-    def _robot_region(self, qpos: FloatArray) -> Region:
-        self._renderer.place(qpos)
-        return self._renderer.robot_region(self._options.supersampling)
-
-    def _picture(self, region: Region, qpos: FloatArray) -> Image:
-        """The robot on its floor at one instant, in fine pixels."""
-        self._renderer.place(qpos)
-        return self._renderer.robot_on(self._floor[region.within(self._lens.whole)], region)
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
