@@ -19,7 +19,7 @@ from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.commands import CommandHistory
 from ttwmr_mj.vision.tracking.detection import Detector
 from ttwmr_mj.vision.tracking.estimate import Sighting, Status, TrackEstimate, no_labels
-from ttwmr_mj.vision.tracking.kalman import Innovation, update
+from ttwmr_mj.vision.tracking.kalman import update
 from ttwmr_mj.vision.tracking.motion import DELTA1, THETA2_RATE, Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -62,6 +62,7 @@ class Tracker:
         self.camera = camera
         self.layout = layout
         self._options = options
+        self._largest_std = np.repeat([options.max_position_std_m, options.max_angle_std_rad], 2)
         self._motion = MotionModel(believed, options)
         scale = camera.metres_per_pixel(float(layout.height_m.mean()))
         self._scale_m_px = scale
@@ -94,7 +95,7 @@ class Tracker:
             sighting = self._follow(image, time_s)
         if self.status is Status.LOST:
             sighting = self._acquire(image, time_s) or sighting
-        self.sighting = sighting or Sighting(time_s, no_labels(), no_labels())
+        self.sighting = sighting or Sighting()
         return self.sighting
 
     def miss(self, time_s: float) -> None:
@@ -108,20 +109,13 @@ class Tracker:
         """The state at a time, normally now: the filtered one carried over the commands since."""
         if self._filtered is None:
             unknown = np.full(4, np.nan)
-            return TrackEstimate(
-                time_s, unknown, unknown, np.diag(unknown), False, Status.LOST, np.inf, 0
-            )
+            return TrackEstimate(unknown, unknown, np.diag(unknown), False, Status.LOST, np.inf, 0)
         now = self._at(time_s)
         covariance = now.covariance[:4, :4]
-        spread = np.sqrt(covariance.diagonal())
-        sure = (
-            max(spread[0], spread[1]) <= self._options.max_position_std_m
-            and max(spread[2], spread[3]) <= self._options.max_angle_std_rad
-        )
+        sure = (np.sqrt(covariance.diagonal()) <= self._largest_std).all()
         twist = now.mean[DELTA1:THETA2_RATE] + self.commands.twist(time_s)
         workspace_rate = np.append(twist, now.mean[THETA2_RATE])
         return TrackEstimate(
-            time_s=time_s,
             q=now.mean[:4].copy(),
             q_rate=q_rate(now.mean[:4], workspace_rate),
             covariance=covariance,
@@ -150,8 +144,8 @@ class Tracker:
         self._filtered = prior
         if not found.any() or self._is_frozen(centres, found, expected):
             self._expire(time_s)
-            return Sighting(time_s, no_labels(), expected, search)
-        used, nis = self._update(prior, centres, found)
+            return Sighting(no_labels(), expected, search)
+        used = self._update(prior, centres, found)
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
         if used.any():
@@ -159,15 +153,15 @@ class Tracker:
         self._expire(time_s)
         if self._misfits >= MAX_MISFITS:
             self.status, self._misfits = Status.LOST, 0
-        return Sighting(time_s, centres, expected, search, nis)
+        return Sighting(centres, expected, search)
 
-    def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> Innovation:
-        """Kalman's update with the labels that pass the gate."""
+    def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> BoolArray:
+        """Kalman's update with the labels that pass the gate (4,)."""
         points = self.camera.to_plane(np.where(found[:, None], centres, 0.0), self.layout.height_m)
-        self._filtered, innovation = update(
+        self._filtered, used = update(
             prior, points, found, self.layout, self._noise_m2, self._options.gate_chi2
         )
-        return innovation
+        return used
 
     def _acquire(self, image: Image, time_s: float) -> Sighting | None:
         """Look everywhere, and start afresh from what looks like the robot."""
@@ -187,7 +181,7 @@ class Tracker:
         centres[index >= 0] = candidates.centre_px[index[index >= 0]]
         self._update(prior, centres, index >= 0)
         self._remember(time_s, centres)
-        return Sighting(time_s, centres, no_labels())
+        return Sighting(centres)
 
     def _first(
         self, time_s: float, q: FloatArray, theta2_rate_rad_s: float, pose_std: FloatArray
