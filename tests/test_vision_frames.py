@@ -27,8 +27,8 @@ STILL = np.zeros(4)
 def shot(
     options: CameraOptions, q_rate: np.ndarray = STILL, *, segmentation: bool = False, seed: int = 0
 ) -> Frame:
-    source = camera(options, seed)
-    return source.take(source.posture.positions(POSE), q_rate, 1.0, segmentation=segmentation)
+    source = camera(options, seed, segmentation=segmentation)
+    return source.take(source.posture.positions(POSE), q_rate, 1.0)
 
 
 def class_centre(frame: Frame, number: int) -> np.ndarray:

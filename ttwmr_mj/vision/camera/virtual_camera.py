@@ -48,6 +48,8 @@ class VirtualCamera:
         options: CameraOptions,
         model: mujoco.MjModel,
         rng: np.random.Generator,
+        *,
+        segmentation: bool = False,
     ) -> None:
         """Build the scene and render its background.
 
@@ -55,12 +57,14 @@ class VirtualCamera:
             options: the camera, its sensor and its faults.
             model: the scene, as of `plants.mjcf.build_model`; it is copied.
             rng: source of the sensor's noise.
+            segmentation: whether frames carry the class of every pixel.
 
         Raises:
             InputError: the scene lacks a part, or the lens folds the picture.
             MachineError: no OpenGL.
         """
         self._options = options
+        self._segmentation = segmentation
         self.model = copy(model)
         self.layout = read_layout(self.model)
         self.true: CameraModel = hang_camera(self.model, options)
@@ -95,52 +99,37 @@ class VirtualCamera:
         self._background = self._lens.expose(self._floor, whole, sensor)
         self._background_classes = self._lens.nearest(classes, whole, sensor)
 
-    def take(
-        self,
-        qpos: FloatArray,
-        q_rate: FloatArray,
-        time_s: float,
-        *,
-        segmentation: bool = False,
-    ) -> Frame:
+    def take(self, qpos: FloatArray, q_rate: FloatArray, time_s: float) -> Frame:
         """Expose a frame whose shutter closes now.
 
         Args:
             qpos: (nq,) generalized positions now.
             q_rate: (4,) rates of q, taken as constant while the shutter is open.
             time_s: now; from frame to frame it must not go back.
-            segmentation: render the class of every pixel as well.
 
         Returns:
             The frame, its time in the middle of the exposure.
         """
         half_s = 0.5 * self._options.exposure.exposure_s
-        middle = self.posture.moved(qpos, q_rate, -half_s)
-        q = self.posture.coordinates(middle)
-        labels_m = self.layout.centres_m(q)
-        light, classes = self._light(qpos, q_rate, segmentation=segmentation)
         moment = time_s - half_s
+        q = self.posture.coordinates(self.posture.moved(qpos, q_rate, -half_s))
+        labels_m = self.layout.centres_m(q)
+        centres_px = self.true.project(labels_m)
+        light, classes = self._light(qpos, q_rate)
         self._occluders.draw(light, classes, moment, labels_m)
         self._glare.add(light, moment)
-        centres_px = self.true.project(labels_m)
-        truth = FrameTruth(
-            q=q,
-            centres_px=centres_px,
-            visible=self._visible(labels_m, centres_px, moment),
-            segmentation=classes,
-        )
+        visible = self._visible(labels_m, centres_px, moment)
+        truth = FrameTruth(q, centres_px, visible, classes)
         return Frame(image=self._noise.read(light, moment), time_s=moment, truth=truth)
 
     def close(self) -> None:
         """Give back what OpenGL holds."""
         self._renderer.close()
 
-    def _light(
-        self, qpos: FloatArray, q_rate: FloatArray, *, segmentation: bool
-    ) -> tuple[Image, Image | None]:
+    def _light(self, qpos: FloatArray, q_rate: FloatArray) -> tuple[Image, Image | None]:
         """What falls on the sensor, and the classes seen, at the middle of the exposure."""
         light = self._background.copy()
-        classes = self._background_classes.copy() if segmentation else None
+        classes = self._background_classes.copy() if self._segmentation else None
         instants = self._instants(qpos, q_rate)
         ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
         region = self._renderer.robot_region(ends, self._options.supersampling)
@@ -177,7 +166,8 @@ class VirtualCamera:
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
-        if not self._occluders.at(time_s) and self._well_inside(centres_px):
+        border_px = np.minimum(centres_px, self._size_px - 1.0 - centres_px).min()
+        if border_px > self._label_px and not self._occluders.at(time_s):
             return np.ones(COUNT)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
@@ -185,11 +175,6 @@ class VirtualCamera:
         inside = ((pixel >= -0.5) & (pixel < self._size_px - 0.5)).all(axis=-1)
         hidden = self._occluders.hide(points, time_s, labels_m)
         return np.asarray((inside & ~hidden).mean(axis=-1))
-
-    def _well_inside(self, centres_px: FloatArray) -> bool:
-        """Whether every centre is farther from the picture's border than a label is wide."""
-        margin = np.minimum(centres_px, self._size_px - 1.0 - centres_px)
-        return bool((margin > self._label_px).all())
 
 
 def _simplify_for_drawing(model: mujoco.MjModel) -> None:

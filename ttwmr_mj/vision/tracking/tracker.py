@@ -7,12 +7,14 @@ constraint holds by construction.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import q_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, unwrap_near
-from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.frame import Frame, Image
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.tracking import constellation
@@ -82,6 +84,15 @@ class Tracker:
             theta2_rate_rad_s: how fast the trailer turned, of a start in motion.
         """
         self._filtered = self._first(time_s, q, theta2_rate_rad_s, PUT_DOWN_STD)
+
+    def follow(self, frames: Iterable[Frame], now_s: float) -> TrackEstimate:
+        """Work in the frames that have arrived by now, perhaps none, and answer for now."""
+        self.sighting = None
+        for frame in frames:
+            self.see(frame.image, frame.time_s)
+        if self.sighting is None:
+            self.miss(now_s)
+        return self.estimate(now_s)
 
     def see(self, image: Image, time_s: float) -> Sighting:
         """Work in a frame.
