@@ -12,7 +12,7 @@ from vision_scene import lab_calibration, model
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.studies.calibrate import calibrate_from_images
-from ttwmr_mj.vision.calibration.board import THICKNESS_M, BoardCamera, BoardDetector, BoardView
+from ttwmr_mj.vision.calibration.board import THICKNESS_M, BoardCamera, BoardView, find_board
 from ttwmr_mj.vision.calibration.calibrate import (
     FLAT_POSES,
     _flat_pose,
@@ -28,7 +28,7 @@ def test_board_corners_are_found_to_a_hundredth_of_a_pixel() -> None:
     source = BoardCamera(CameraOptions(), np.random.default_rng(0))
     # at 1.9 m a square measures 27 px; three places in a pixel
     for x in (0.0, 0.0007, 0.0013):
-        view = BoardDetector().find(source.take(np.array([x, 0.0, 0.003]), np.eye(3), 0.0))
+        view = find_board(source.take(np.array([x, 0.0, 0.003]), np.eye(3), 0.0))
         assert view is not None
         assert len(view.pixels) == 24
         points = np.column_stack([view.points_m, np.full(24, 0.003)]) + [x, 0.0, 0.0]

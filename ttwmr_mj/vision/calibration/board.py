@@ -47,25 +47,18 @@ class BoardView(NamedTuple):
     pixels: FloatArray
 
 
-class BoardDetector:
-    """Finds the board's inner corners."""
-
-    def __init__(self) -> None:
-        self._detector = cv2.aruco.CharucoDetector(_board())
-        self._corners = np.asarray(_board().getChessboardCorners(), dtype=np.float64)[:, :2]
-
-    def find(self, image: Image) -> BoardView | None:
-        """The board in an image, or None where fewer than `MIN_CORNERS` corners are seen."""
-        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
-        corners, ids, _, _ = self._detector.detectBoard(grey)
-        if ids is None or len(ids) < MIN_CORNERS:
-            return None
-        rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
-        on_board = self._corners[np.asarray(ids).ravel()] - 0.5 * SIZE_M
-        on_board[:, 1] *= -1.0  # OpenCV counts a board's y from above
-        scale = rough.std(axis=0).sum() / on_board.std(axis=0).sum()  # mean, pixels per metre
-        pixels = _refined(grey, rough, max(MIN_REACH_PX, REACH_M * scale))
-        return BoardView(on_board, pixels)
+def find_board(image: Image) -> BoardView | None:
+    """The board's inner corners in an image, or None where fewer than `MIN_CORNERS` are seen."""
+    grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
+    board = _board()
+    corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
+    if ids is None or len(ids) < MIN_CORNERS:
+        return None
+    rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
+    on_board = np.asarray(board.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
+    on_board = (on_board - 0.5 * SIZE_M) * [1.0, -1.0]  # OpenCV counts a board's y from above
+    scale = rough.std(axis=0).sum() / on_board.std(axis=0).sum()  # mean, pixels per metre
+    return BoardView(on_board, _refined(grey, rough, max(MIN_REACH_PX, REACH_M * scale)))
 
 
 class BoardCamera:

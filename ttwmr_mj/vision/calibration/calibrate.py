@@ -22,8 +22,8 @@ from ttwmr_mj.vision.calibration.board import (
     SQUARES,
     THICKNESS_M,
     BoardCamera,
-    BoardDetector,
     BoardView,
+    find_board,
 )
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -135,7 +135,7 @@ def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calib
 
 def find_boards(images: Iterable[Image]) -> list[BoardView]:
     """The views of those images that show the board."""
-    views = map(BoardDetector().find, images)
+    views = map(find_board, images)
     return [view for view in views if view is not None]
 
 

@@ -58,7 +58,8 @@ class SensorNoise:
         gain_row = np.tile(gains.astype(np.float32), (columns, 1))
         for start in range(0, rows, STRIP_ROWS):
             strip = slice(start, start + STRIP_ROWS)
-            noise = np.asarray(cv2.LUT(light[strip], self._spread)) * window[strip]
+            noise = np.asarray(cv2.LUT(light[strip], self._spread), dtype=np.float32)
+            noise *= window[strip]
             cv2.add(light[strip] * gain_row, noise, dst=picture[strip], dtype=cv2.CV_8U)
         return picture
 

@@ -160,7 +160,7 @@ class Tracker:
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
         if used.any():
-            self._remember(time_s, centres)
+            self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
         self._expire(time_s)
         if self._misfits >= MAX_MISFITS:
             self.status, self._misfits = Status.LOST, 0
@@ -191,7 +191,7 @@ class Tracker:
         centres = no_labels()
         centres[index >= 0] = candidates.centre_px[index[index >= 0]]
         self._update(prior, centres, index >= 0)
-        self._remember(time_s, centres)
+        self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
         return Sighting(centres)
 
     def _first(
@@ -201,10 +201,6 @@ class Tracker:
         mean = np.array([*q, 0.0, 0.0, theta2_rate_rad_s])
         std = np.array([*pose_std, *self._motion.deviation, FIRST_RATE_STD_RAD_S])
         return Gaussian(time_s, mean, np.diag(std**2))
-
-    def _remember(self, time_s: float, centres: FloatArray) -> None:
-        self.status = Status.TRACKED
-        self._seen_s, self._seen_px = time_s, centres
 
     def _expire(self, time_s: float) -> None:
         """Turn blind, then lost, when nothing was seen for long."""
