@@ -13,8 +13,13 @@ from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.tracking import constellation
-from ttwmr_mj.vision.tracking.blobs import blobs, label_sized
-from ttwmr_mj.vision.tracking.detection import Candidates, Detector, neutral_colour
+from ttwmr_mj.vision.tracking.detection import (
+    Candidates,
+    Detector,
+    blobs,
+    label_sized,
+    neutral_colour,
+)
 
 STILL = np.zeros(4)
 
@@ -190,8 +195,8 @@ def test_blobs_larger_or_smaller_than_a_label_are_removed() -> None:
     for x, radius in ((20, 3.0), (60, 6.0), (120, 12.0)):
         mask |= ((column - x) ** 2 + (row - 50) ** 2 <= radius**2).astype(np.uint8)
     mask[80:84, 20:60] = 1  # the area of a label, not its shape
-    found = blobs(mask)
-    kept = found.centre_px[label_sized(found, 6.0)]
+    centre_px, area_px, size_px = blobs(mask)
+    kept = centre_px[label_sized(area_px, size_px, 6.0)]
     assert kept == pytest.approx(np.array([[60.0, 50.0]]))
 
 

@@ -27,8 +27,8 @@ STILL = np.zeros(4)
 def shot(
     options: CameraOptions, q_rate: np.ndarray = STILL, *, segmentation: bool = False, seed: int = 0
 ) -> Frame:
-    source = camera(options, seed)
-    return source.take(source.posture.positions(POSE), q_rate, 1.0, segmentation=segmentation)
+    source = camera(options, seed, segmentation=segmentation)
+    return source.take(source.posture.positions(POSE), q_rate, 1.0)
 
 
 def class_centre(frame: Frame, number: int) -> np.ndarray:
@@ -50,12 +50,38 @@ def test_segmentation_shows_each_label_where_the_truth_projects_it() -> None:
 
 def test_a_region_has_the_bits_of_the_whole() -> None:
     source = camera()
-    renderer = source._renderer
-    renderer.place(source.posture.positions(POSE))
-    whole = renderer.robot(Region(100, -400, 600, 100))
-    part = renderer.robot(Region(207, -311, 401, -5))
+    renderer, qpos = source._renderer, source.posture.positions(POSE)
+    whole = renderer.robot(qpos, Region(100, -400, 600, 100))
+    part = renderer.robot(qpos, Region(207, -311, 401, -5))
     assert np.array_equal(part, whole[89:395, 107:301])
     assert part.any()
+
+
+def test_a_region_holds_the_bounding_sphere_of_every_part() -> None:
+    source = camera()
+    renderer = source._renderer
+    ends = [source.posture.positions(POSE + shift) for shift in ([0.0] * 4, [0.3, 0.1, 0.0, 1.0])]
+    region = renderer.robot_region(ends, 0)
+    around = np.random.default_rng(0).standard_normal((2000, 3))
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    for qpos in ends:
+        renderer._place(qpos)
+        centres = renderer._data.geom_xpos[renderer._robot_geoms]
+        surface = centres[:, None] + renderer._radii[:, None, None] * around
+        places = source._lens.focal_px * source.true.slopes(surface).reshape(-1, 2)
+        assert (places >= region[:2]).all()
+        assert (places <= region[2:]).all()
+    assert renderer.robot_region(ends, 7) == region.grown(7)
+
+
+def test_the_classes_of_a_moving_robot_are_those_of_the_middle_of_the_exposure() -> None:
+    moving = np.array([0.5, 0.0, 0.0, 0.0])  # 15 mm in the exposure, or 3 px
+    frame = shot(CameraOptions(exposure=Exposure(exposure_s=0.03)), moving, segmentation=True)
+    assert frame.truth is not None
+    # half of what lies between two averaged instants, and a tenth
+    assert class_centre(frame, FIRST_LABEL_CLASS) == pytest.approx(
+        frame.truth.centres_px[0], abs=0.3
+    )
 
 
 def test_a_frame_is_timed_in_the_middle_of_its_exposure() -> None:

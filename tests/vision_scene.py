@@ -28,8 +28,11 @@ def lab_calibration() -> Calibration:
     return calibrate_virtual(LAB_CAMERA, np.random.default_rng(5))
 
 
-def camera(options: CameraOptions | None = None, seed: int = 0) -> VirtualCamera:
-    return VirtualCamera(options or CameraOptions(), model(), np.random.default_rng(seed))
+def camera(
+    options: CameraOptions | None = None, seed: int = 0, *, segmentation: bool = False
+) -> VirtualCamera:
+    rng = np.random.default_rng(seed)
+    return VirtualCamera(options or CameraOptions(), model(), rng, segmentation=segmentation)
 
 
 def with_faults(base: CameraOptions, **faults: object) -> CameraOptions:

@@ -5,14 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 import cv2
+import numpy as np
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.vision.calibration.board import board_print
-from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_images, calibrate_virtual
+from ttwmr_mj.vision.calibration.calibrate import (
+    Calibration,
+    calibrate,
+    calibrate_virtual,
+    find_boards,
+)
+from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
-from ttwmr_mj.vision.setup import without_faults
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
@@ -32,7 +38,7 @@ def calibrate_scenario(scenario: Scenario) -> Calibration:
             hint="add --set sensing.kind=camera, or give a scenario with a camera",
         )
     rng = generators(scenario.seed, ("calibration",))["calibration"]
-    return calibrate_virtual(without_faults(scenario.sensing.camera), rng)
+    return calibrate_virtual(scenario.sensing.camera, rng)
 
 
 def calibrate_from_images(folder: Path) -> Calibration:
@@ -44,7 +50,7 @@ def calibrate_from_images(folder: Path) -> Calibration:
             anywhere; may be absent).
 
     Raises:
-        InputError: no pictures, pictures that cannot be read, or too few boards in them.
+        InputError: no pictures, some that cannot be read or differ in size, or too few boards.
     """
     held, origin, flat = (_pictures(folder / name) for name in ("held", "origin", "flat"))
     if not held or not origin:
@@ -54,7 +60,16 @@ def calibrate_from_images(folder: Path) -> Calibration:
             f"{folder / 'origin'} (got {len(origin)})",
             allowed=", ".join(PICTURES),
         )
-    return calibrate_images(held, origin, flat)
+    first, *others = (held | origin | flat).items()
+    for path, image in others:
+        if image.shape != first[1].shape:
+            raise InputError(
+                f"{path}: {_size(image)} px, but {first[0]} has {_size(first[1])}; "
+                "all must come from one camera at one setting"
+            )
+    height_px, width_px = first[1].shape[:2]
+    found = [find_boards(images.values()) for images in (held, origin, flat)]
+    return calibrate(found[0], found[1], found[2], width_px, height_px)
 
 
 def write_board(path: Path) -> None:
@@ -73,7 +88,17 @@ def write_board(path: Path) -> None:
         )
 
 
-def _pictures(folder: Path) -> list[Path]:
-    if not folder.is_dir():
-        return []
-    return sorted(path for path in folder.iterdir() if path.suffix.lower() in PICTURES)
+def _pictures(folder: Path) -> dict[Path, Image]:
+    """The images in a folder, by name; none where it is absent."""
+    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in PICTURES)
+    images = {}
+    for path in paths:
+        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        if image is None:
+            raise InputError(f"{path}: cannot be read as an image (PNG and JPEG work)")
+        images[path] = np.asarray(image, dtype=np.uint8)
+    return images
+
+
+def _size(image: Image) -> str:
+    return f"{image.shape[1]}×{image.shape[0]}"

@@ -24,7 +24,6 @@ from ttwmr_mj.vision.tracking.estimate import TrackEstimate
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
-JointPositions = Callable[[], FloatArray]
 
 
 class CameraSensor(Sensor):
@@ -49,7 +48,7 @@ class CameraSensor(Sensor):
         period_s: float,
         nsim: int,
         rng: np.random.Generator,
-        joint_positions: JointPositions | None = None,
+        joint_positions: Callable[[], FloatArray],
         segmentation: bool = False,
     ) -> None:
         """Set up a camera and a tracker per simulation.
@@ -62,8 +61,8 @@ class CameraSensor(Sensor):
             period_s: control period; a frame is taken in each.
             nsim: simulations in the batch.
             rng: source of all noise and faults.
-            joint_positions: the plant's, (nsim, nq), so that frames show every joint; None, or a
-                plant without joints, draws the robot from q alone.
+            joint_positions: the plant's, (nsim, nq), so that frames show every joint; of a plant
+                without joints, the robot is drawn from q alone.
             segmentation: whether frames carry the class of every pixel; costs time.
 
         Raises:
@@ -77,12 +76,12 @@ class CameraSensor(Sensor):
         # OpenGL belongs to one thread; in one of its own, frames are exposed while the physics
         # and the tracker go on, for as long as they are travelling anyway
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
-        self.cameras: list[VirtualCamera] = self._worker.submit(
-            lambda: [VirtualCamera(section.camera, model, child) for child in children[:nsim]]
-        ).result()
-        self.layout = self.cameras[0].layout
+        make = partial(VirtualCamera, section.camera, model, segmentation=segmentation)
+        made = [self._worker.submit(make, child) for child in children[:nsim]]
+        self.cameras: list[VirtualCamera] = [camera.result() for camera in made]
+        self.layout = layout = self.cameras[0].layout
         self.trackers = [
-            Tracker(calibrated, self.layout, believed, section.tracker) for _ in range(nsim)
+            Tracker(calibrated, layout, believed, section.tracker) for _ in range(nsim)
         ]
         self.estimates: list[TrackEstimate] = []
         delivery = section.camera.faults.delivery
@@ -93,7 +92,6 @@ class CameraSensor(Sensor):
         self._arrived: Future[Frames] | None = None
         self._believed = believed
         self._joint_positions = joint_positions
-        self._segmentation = segmentation
         self._k = 0
 
     def observe(self, truth: RobotState) -> Estimate:
@@ -107,19 +105,20 @@ class CameraSensor(Sensor):
             self._start(truth)
         arrived = self._exchange(self._expose(truth, now))
         pairs = zip(self.trackers, arrived, strict=True)
-        self.estimates = answers = [_tracked(tracker, frames, now) for tracker, frames in pairs]
+        self.estimates = answers = [tracker.follow(frames, now) for tracker, frames in pairs]
         if self._log is not None:
             frame = arrived[0][-1] if arrived[0] else None
             self._log.append(CameraRecord(now, frame, self.trackers[0].sighting, answers[0]))
+
+        def column(name: str) -> FloatArray:
+            return np.array([getattr(answer, name) for answer in answers], dtype=np.float64)
+
         return Estimate(
-            state=RobotState(
-                q=np.stack([answer.q for answer in answers]),
-                q_rate=np.stack([answer.q_rate for answer in answers]),
-            ),
+            state=RobotState(q=column("q"), q_rate=column("q_rate")),
             age_s=np.zeros(len(answers)),
-            valid=np.array([answer.valid for answer in answers]),
-            labels_found=np.array([float(answer.labels) for answer in answers]),
-            measurement_age_s=np.array([answer.measurement_age_s for answer in answers]),
+            valid=column("valid") > 0.0,
+            labels_found=column("labels"),
+            measurement_age_s=column("measurement_age_s"),
         )
 
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
@@ -154,21 +153,17 @@ class CameraSensor(Sensor):
 
     def _expose(self, truth: RobotState, now: float) -> Future[Frames]:
         """Let the cameras' thread take this period's frames of each simulation."""
-        postures = None if self._joint_positions is None else self._joint_positions()
-        if postures is None or not postures.size:
-            pairs = zip(self.cameras, truth.q, strict=True)
-            postures = np.stack([camera.posture.positions(q) for camera, q in pairs])
+        postures = self._joint_positions()
+        if not postures.size:
+            postures = self.cameras[0].posture.positions(truth.q)
         return self._worker.submit(self._deliver, postures, truth.q_rate, now)
 
     def _deliver(self, postures: FloatArray, q_rate: FloatArray, now: float) -> Frames:
         """The frames that leave each camera in this period; runs in the cameras' thread."""
+        shots = zip(self.cameras, self._faults, postures, q_rate, strict=True)
         return [
-            faults.deliver(
-                now, partial(camera.take, qpos, rate, now, segmentation=self._segmentation)
-            )
-            for camera, faults, qpos, rate in zip(
-                self.cameras, self._faults, postures, q_rate, strict=True
-            )
+            faults.deliver(now, partial(camera.take, qpos, rate, now))
+            for camera, faults, qpos, rate in shots
         ]
 
     def _exchange(self, leaving: Future[Frames]) -> Frames:
@@ -178,12 +173,3 @@ class CameraSensor(Sensor):
             return [[] for _ in self.cameras]
         self._arrived = due
         return due.result()
-
-
-def _tracked(tracker: Tracker, frames: list[Frame], now: float) -> TrackEstimate:
-    """Where the robot is, after these frames."""
-    for frame in frames:
-        tracker.see(frame.image, frame.time_s)
-    if not frames:
-        tracker.miss(now)
-    return tracker.estimate(now)

@@ -8,7 +8,6 @@ import numpy as np
 
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
-from ttwmr_mj.vision.camera.options import CameraOptions, Faults
 from ttwmr_mj.vision.options import CameraSensing
 
 
@@ -25,11 +24,6 @@ def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: P
         MachineError: no OpenGL.
     """
     if section.calibration_path is None:
-        return calibrate_virtual(without_faults(section.camera), rng)
+        return calibrate_virtual(section.camera, rng)
     size = (section.camera.width_px, section.camera.height_px)
     return load_calibration(folder / section.calibration_path, size)
-
-
-def without_faults(options: CameraOptions) -> CameraOptions:
-    """The camera on a good day, which is when one calibrates."""
-    return options.model_copy(update={"faults": Faults()})

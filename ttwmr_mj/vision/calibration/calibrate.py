@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import count
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -23,8 +22,8 @@ from ttwmr_mj.vision.calibration.board import (
     SQUARES,
     THICKNESS_M,
     BoardCamera,
-    BoardDetector,
     BoardView,
+    find_board,
 )
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -59,32 +58,30 @@ class Calibration:
     views: int
 
 
-@dataclass(frozen=True, slots=True)
-class BoardViews:
-    """All views of the board, by how it was placed.
+def calibrate(
+    held: list[BoardView],
+    origin: list[BoardView],
+    flat: list[BoardView],
+    width_px: int,
+    height_px: int,
+) -> Calibration:
+    """Solve for the camera that took images of this size.
 
-    Attributes:
-        held: at all tilts; together they should reach every part of the picture.
+    Args:
+        held: views of the board at all tilts; together they should reach every part of the picture.
         origin: flat on the floor at the world's origin, long side along x.
         flat: flat on the floor, anywhere.
-    """
-
-    held: list[BoardView]
-    origin: list[BoardView]
-    flat: list[BoardView]
-
-
-def calibrate(views: BoardViews, width_px: int, height_px: int) -> Calibration:
-    """Solve for the camera that took images of this size.
+        width_px: columns of the images.
+        height_px: rows of the images.
 
     Raises:
         InputError: too few views, none at the origin, or views that determine no camera.
     """
-    everything = [*views.held, *views.origin, *views.flat]
-    if len(everything) < MIN_VIEWS or not views.origin:
+    everything = [*held, *origin, *flat]
+    if len(everything) < MIN_VIEWS or not origin:
         raise InputError.at(
             "calibration",
-            f"the board was found in {len(everything)} views, {len(views.origin)} of them at the "
+            f"the board was found in {len(everything)} views, {len(origin)} of them at the "
             f"origin; at least {MIN_VIEWS} and 1 are needed",
             hint=f"show the whole ChArUco board ({SQUARES[0]}×{SQUARES[1]} squares, DICT_4X4_50), "
             "sharp and well lit",
@@ -111,8 +108,8 @@ def calibrate(views: BoardViews, width_px: int, height_px: int) -> Calibration:
         rotation=np.eye(3),
         position_m=np.zeros(3),
     )
-    lying = np.concatenate(poses, axis=1)[len(views.held) :, :, 0]
-    camera, floor_rms = _place(inner, views, lying)
+    lying = np.concatenate(poses, axis=1)[len(held) :, :, 0]
+    camera, floor_rms = _place(inner, origin, flat, lying)
     return Calibration(camera, float(rms), floor_rms, len(everything))
 
 
@@ -127,75 +124,46 @@ def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calib
     moments = count(0.0, PERIOD_S)
 
     def views(poses: list[Pose]) -> list[BoardView]:
-        return _found(camera.take(*pose, next(moments)) for pose in poses)
+        return find_boards(camera.take(*pose, next(moments)) for pose in poses)
 
-    found = BoardViews(
-        held=views(_held_poses(camera.true, rng)),
-        origin=views([_flat_pose(0.0, 0.0, 0.0)] * ORIGIN_VIEWS),
-        flat=views([_flat_pose(*pose) for pose in FLAT_POSES]),
-    )
+    held = views(_held_poses(camera.true, rng))
+    origin = views([_flat_pose(0.0, 0.0, 0.0)] * ORIGIN_VIEWS)
+    flat = views([_flat_pose(*pose) for pose in FLAT_POSES])
     camera.close()
-    return calibrate(found, options.width_px, options.height_px)
+    return calibrate(held, origin, flat, options.width_px, options.height_px)
 
 
-def calibrate_images(held: list[Path], origin: list[Path], flat: list[Path]) -> Calibration:
-    """Calibrate a real camera from image files, placed as in `BoardViews`.
-
-    Raises:
-        InputError: an image cannot be read, sizes differ, or too few boards.
-    """
-    paths = [*held, *origin, *flat]
-    if not paths:
-        raise InputError.at(
-            "calibration", "no images given", hint="take at least 20 of the ChArUco board"
-        )
-    images = {path: _read_image(path) for path in paths}
-    height, width = images[paths[0]].shape[:2]
-    for path, image in images.items():
-        if image.shape[:2] != (height, width):
-            raise InputError(
-                f"{path}: {image.shape[1]}×{image.shape[0]} px, but {paths[0]} has "
-                f"{width}×{height}; all must come from one camera at one setting"
-            )
-    groups = [_found(images[path] for path in group) for group in (held, origin, flat)]
-    return calibrate(BoardViews(*groups), width, height)
-
-
-def _found(images: Iterable[Image]) -> list[BoardView]:
+def find_boards(images: Iterable[Image]) -> list[BoardView]:
     """The views of those images that show the board."""
-    views = map(BoardDetector().find, images)
+    views = map(find_board, images)
     return [view for view in views if view is not None]
 
 
-def _read_image(path: Path) -> Image:
-    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
-    if image is None:
-        raise InputError(f"{path}: cannot be read as an image (PNG and JPEG work)")
-    return np.asarray(image, dtype=np.uint8)
-
-
-def _place(inner: CameraModel, views: BoardViews, poses: FloatArray) -> tuple[CameraModel, float]:
+def _place(
+    inner: CameraModel, origin: list[BoardView], flat: list[BoardView], poses: FloatArray
+) -> tuple[CameraModel, float]:
     """The camera's pose in the world of the board at the origin, and what is left over [px].
 
     Args:
         inner: intrinsics and distortion.
-        views: those at the origin and the flat ones count.
-        poses: (n, 6) OpenCV's rotation vector and translation of these, solved one by one.
+        origin: views of the board at the origin.
+        flat: views of it elsewhere on the floor.
+        poses: (n, 6) OpenCV's rotation vector and translation of all these, solved one by one.
     """
-    seen = np.concatenate([view.pixels for view in [*views.origin, *views.flat]])
-    at_origin = [_lying(view.points_m, 0.0, 0.0, 0.0) for view in views.origin]
+    seen = np.concatenate([view.pixels for view in [*origin, *flat]])
+    at_origin = [_lying(view.points_m, 0.0, 0.0, 0.0) for view in origin]
 
     def residual(unknown: FloatArray) -> FloatArray:
         elsewhere = [
             _lying(view.points_m, *pose)
-            for view, pose in zip(views.flat, unknown[6:].reshape(-1, 3), strict=True)
+            for view, pose in zip(flat, unknown[6:].reshape(-1, 3), strict=True)
         ]
         points = np.concatenate([*at_origin, *elsewhere])
         return np.asarray((_at(inner, unknown[:6]).project(points) - seen).ravel())
 
     start, first = poses[0], _rotation(poses[0])
     guess = []
-    for pose in poses[len(views.origin) :]:
+    for pose in poses[len(origin) :]:
         x, y, _ = first.T @ (pose[3:] - start[3:])
         along = first.T @ _rotation(pose)[:, 0]
         guess.append([x, y, np.arctan2(along[1], along[0])])

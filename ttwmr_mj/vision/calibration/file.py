@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -14,16 +15,17 @@ from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration
 from ttwmr_mj.vision.camera.model import CameraModel
 
-SHAPES: dict[str, tuple[int, ...]] = {
-    "image_width": (),
-    "image_height": (),
-    "camera_matrix": (3, 3),
-    "distortion_coefficients": (1, 5),
-    "rotation_world_to_camera": (3, 3),
-    "camera_position_m": (1, 3),
-    "reprojection_rms_px": (),
-    "floor_rms_px": (),
-    "views": (),
+# key → shape of what it holds, and what that is
+CONTENT: dict[str, tuple[tuple[int, ...], Callable[[Calibration], Any]]] = {
+    "image_width": ((), lambda saved: saved.camera.width_px),
+    "image_height": ((), lambda saved: saved.camera.height_px),
+    "camera_matrix": ((3, 3), lambda saved: saved.camera.matrix),
+    "distortion_coefficients": ((1, 5), lambda saved: saved.camera.distortion[None]),
+    "rotation_world_to_camera": ((3, 3), lambda saved: saved.camera.rotation),
+    "camera_position_m": ((1, 3), lambda saved: saved.camera.position_m[None]),
+    "reprojection_rms_px": ((), lambda saved: saved.reprojection_rms_px),
+    "floor_rms_px": ((), lambda saved: saved.floor_rms_px),
+    "views": ((), lambda saved: saved.views),
 }
 COUNTS = ("image_width", "image_height", "views")
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
@@ -36,22 +38,10 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    camera = calibration.camera
-    values: tuple[Any, ...] = (
-        camera.width_px,
-        camera.height_px,
-        camera.matrix,
-        camera.distortion.reshape(1, -1),
-        camera.rotation,
-        camera.position_m.reshape(1, -1),
-        calibration.reprojection_rms_px,
-        calibration.floor_rms_px,
-        calibration.views,
-    )
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage("", mode)
-    for key, value in zip(SHAPES, values, strict=True):
-        storage.write(key, value)
+    for key, (_, content) in CONTENT.items():
+        storage.write(key, content(calibration))
     try:
         write_text(path, storage.releaseAndGetString())
     except OSError as error:
@@ -87,7 +77,7 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
 
 
 def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
-    value = {key: _value(storage.getNode(key), key, path) for key in SHAPES}
+    value = {key: _value(storage.getNode(key), key, path) for key in CONTENT}
     matrix, rotation = value["camera_matrix"], value["rotation_world_to_camera"]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE):
         raise _fault(path, "rotation_world_to_camera", problem="is not a rotation")
@@ -110,12 +100,12 @@ def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
     """A number or matrix of the shape that the key must have, finite."""
     if node.empty():
         raise _fault(path, key, problem="is missing")
+    shape, _ = CONTENT[key]
     number = node.isReal() or node.isInt()
     content = node.real() if number else node.mat() if node.isMap() else None
-    if content is None or np.shape(content) != SHAPES[key] or not np.isfinite(content).all():
+    if content is None or np.shape(content) != shape or not np.isfinite(content).all():
         got = "no number or matrix" if content is None else f"shape {np.shape(content)}"
-        allowed = f"finite numbers of shape {SHAPES[key]}"
-        raise _fault(path, key, got=got, allowed=allowed)
+        raise _fault(path, key, got=got, allowed=f"finite numbers of shape {shape}")
     if key in COUNTS and not (content >= 1 and float(content).is_integer()):
         raise _fault(path, key, got=f"{content:g}", allowed="a whole number from 1")
     return np.array(content, dtype=np.float64)

@@ -4,19 +4,25 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import DISTORTION, CameraModel
 from ttwmr_mj.vision.camera.region import Region
 
+Place = NDArray[np.float32]
 FOLD_PX = 1e-3  # distortion undone and done again leads back to the same pixel
 
 
 class LensMap:
     """Maps the sensor's pixels onto fine pixels of the ideal picture plane.
 
+    A window is a region of the sensor, its first pixel at (0, 0).
+
     Attributes:
+        focal_px: fine pixels per unit slope.
+        sensor: the window of all pixels.
         whole: the region of fine pixels that the whole sensor sees.
     """
 
@@ -26,11 +32,12 @@ class LensMap:
         Raises:
             InputError: the distortion cannot be inverted within the picture.
         """
-        self._scale = float(supersampling)
         self._supersampling = supersampling
         self._defocus_px = defocus_px
         self._margin = 2 + int(np.ceil(4.0 * defocus_px))  # light reaches no farther, in pixels
         self._camera = camera
+        self.focal_px = float(supersampling * camera.focal_px[0])
+        self.sensor = Region(0, 0, camera.width_px, camera.height_px)
         column, row = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
         pixel = np.stack([column, row], axis=-1).astype(np.float64)
         tangent = camera.to_tangents(pixel)
@@ -43,61 +50,51 @@ class LensMap:
             )
         fine = tangent * self.focal_px
         self._u, self._v = fine[..., 0].astype(np.float32), fine[..., 1].astype(np.float32)
-        self.whole = self._source(slice(None), slice(None))
+        self.whole = self._seen(self.sensor)
 
-    @property
-    def focal_px(self) -> float:
-        """Fine pixels per unit slope."""
-        return float(self._scale * self._camera.focal_px[0])
-
-    def footprint(self, region: Region) -> tuple[slice, slice]:
-        """Rows and columns of the sensor that see a region, clipped to the sensor, with margin."""
+    def footprint(self, region: Region) -> Region:
+        """The window that sees a region, with a margin for defocus."""
         left, top, right, bottom = (edge / self.focal_px for edge in region)
         middle_x, middle_y = 0.5 * (left + right), 0.5 * (top + bottom)
         border = [(x, y) for x in (left, middle_x, right) for y in (top, middle_y, bottom)]
         pixel = self._camera.to_pixels(np.array(border))
-        low = np.floor(pixel.min(axis=0)).astype(int) - self._margin
-        high = np.ceil(pixel.max(axis=0)).astype(int) + self._margin + 1
-        limit = np.array([self._camera.width_px, self._camera.height_px])
-        low, high = np.clip(low, 0, limit), np.clip(high, 0, limit)
-        return slice(int(low[1]), int(high[1])), slice(int(low[0]), int(high[0]))
+        corners = np.concatenate([pixel, pixel + 1.0])
+        return Region.around(*corners.T).grown(self._margin).clipped(self.sensor)
 
-    def source(self, rows: slice, columns: slice) -> Region:
-        """The region of fine pixels needed for a window of the sensor, defocus included."""
-        return self._source(*self._grown(rows, columns, self._margin))
+    def source(self, window: Region) -> Region:
+        """The region of fine pixels needed for a window, defocus included."""
+        return self._seen(window.grown(self._margin).clipped(self.sensor))
 
-    def expose(self, fine: Image, region: Region, rows: slice, columns: slice) -> Image:
-        """What a window of the sensor sees of a region, (rows, columns, 3) as `fine`.
+    def expose(self, fine: Image, region: Region, window: Region) -> Image:
+        """What a window sees of a region, (rows, columns, 3) as `fine`.
 
         Averages over a sensor pixel's area, then over the lens's blur.
         """
-        window = self._grown(rows, columns, self._margin if self._defocus_px else 0)
+        seeing = window
+        if self._defocus_px:
+            seeing = window.grown(self._margin).clipped(self.sensor)
         # the average of an even number lies between two pixels; OpenCV keeps it at the later
         late = 0.5 * (self._supersampling % 2 == 0)
-        u = self._u[window] - np.float32(region.left + 0.5 - late)
-        v = self._v[window] - np.float32(region.top + 0.5 - late)
         averaged = cv2.blur(fine, (self._supersampling, self._supersampling))
+        u, v = self._places(seeing, region, late)
         seen = cv2.remap(averaged, u, v, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
         if self._defocus_px:
             seen = cv2.GaussianBlur(seen, (0, 0), self._defocus_px)
-        row, column = rows.start - window[0].start, columns.start - window[1].start
-        height, width = rows.stop - rows.start, columns.stop - columns.start
-        return np.asarray(seen[row : row + height, column : column + width])
+        return np.asarray(seen[window.within(seeing)])
 
-    def nearest(self, fine: Image, region: Region, rows: slice, columns: slice) -> Image:
+    def nearest(self, fine: Image, region: Region, window: Region) -> Image:
         """As `expose`, but each pixel takes the nearest value: for classes instead of colours."""
-        u = self._u[rows, columns] - np.float32(region.left + 0.5)
-        v = self._v[rows, columns] - np.float32(region.top + 0.5)
+        u, v = self._places(window, region)
         return np.asarray(cv2.remap(fine, u, v, cv2.INTER_NEAREST))
 
-    def _grown(self, rows: slice, columns: slice, reach: int) -> tuple[slice, slice]:
-        """A window with so many pixels more on every side, as far as the sensor goes."""
-        height, width = self._u.shape
-        return (
-            slice(max(rows.start - reach, 0), min(rows.stop + reach, height)),
-            slice(max(columns.start - reach, 0), min(columns.stop + reach, width)),
-        )
+    def _places(self, window: Region, region: Region, late: float = 0.0) -> tuple[Place, Place]:
+        """Columns and rows of a window's pixels in a picture of a region."""
+        pixels = window.within(self.sensor)
+        u = self._u[pixels] - np.float32(region.left + 0.5 - late)
+        v = self._v[pixels] - np.float32(region.top + 0.5 - late)
+        return u, v
 
-    def _source(self, rows: slice, columns: slice) -> Region:
+    def _seen(self, window: Region) -> Region:
+        pixels = window.within(self.sensor)
         reach = self._supersampling + 1
-        return Region.around(self._u[rows, columns], self._v[rows, columns], reach)
+        return Region.around(self._u[pixels], self._v[pixels]).grown(reach)

@@ -10,6 +10,7 @@ from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.options import Noise
 
 FULL_SCALE = 255.0
+LEVELS = np.arange(256)  # of grey
 STRIP_ROWS = 32  # of the picture at a time: what is computed on the way stays in the cache
 TILE_MARGIN = 256  # a frame's noise is a random window of a tile this much larger than the frame
 
@@ -30,11 +31,9 @@ class SensorNoise:
         tile = (height_px + TILE_MARGIN, width_px + TILE_MARGIN, 3)
         self._noisy = bool(options.read_noise or options.shot_noise)
         self._tile = rng.standard_normal(tile if self._noisy else (0,), dtype=np.float32)
-        light = np.arange(256) / FULL_SCALE
+        light = LEVELS / FULL_SCALE
         spread = np.hypot(options.read_noise, options.shot_noise * np.sqrt(light))
         self._spread = (FULL_SCALE * spread).astype(np.float32)
-        self._gain_rows = np.empty((STRIP_ROWS, width_px, 3), dtype=np.float32)
-        self._signal, self._noise = np.empty_like(self._gain_rows), np.empty_like(self._gain_rows)
         self._drift = rng.standard_normal(4)  # of gain, blue, green, red; unit variance
         self._time_s: float | None = None
 
@@ -50,23 +49,18 @@ class SensorNoise:
         """
         gains = self._gains(time_s)
         if not self._noisy:
-            if np.all(gains == 1.0):
-                return light
-            table = np.rint(np.arange(256)[:, None] * gains).clip(0, 255).astype(np.uint8)
+            table = np.rint(LEVELS[:, None] * gains).clip(0, 255).astype(np.uint8)
             return np.asarray(cv2.LUT(light, table[None]))
         picture = np.empty_like(light)
-        self._gain_rows[:] = gains
         top, left = self._rng.integers(TILE_MARGIN, size=2)
         rows, columns = self._shape
         window = self._tile[top : top + rows, left : left + columns]
+        gain_row = np.tile(gains.astype(np.float32), (columns, 1))
         for start in range(0, rows, STRIP_ROWS):
-            part = slice(start, min(start + STRIP_ROWS, rows))
-            size = part.stop - start
-            signal, noise = self._signal[:size], self._noise[:size]
-            np.multiply(light[part], self._gain_rows[:size], out=signal)
-            cv2.LUT(light[part], self._spread, dst=noise)
-            cv2.multiply(noise, window[part], dst=noise)
-            cv2.add(signal, noise, dst=picture[part], dtype=cv2.CV_8U)
+            strip = slice(start, start + STRIP_ROWS)
+            noise = np.asarray(cv2.LUT(light[strip], self._spread), dtype=np.float32)
+            noise *= window[strip]
+            cv2.add(light[strip] * gain_row, noise, dst=picture[strip], dtype=cv2.CV_8U)
         return picture
 
     def _gains(self, time_s: float) -> FloatArray:

@@ -159,15 +159,13 @@ class CameraOptions(Config):
     faults: Faults = Faults()
 
 
-LAB_LENS = Lens(
-    k1=-0.12, k2=0.05, p1=0.0006, p2=-0.0004, principal_offset_px=(3.2, -2.1), defocus_px=0.6
-)
-LAB_NOISE = Noise(read_noise=0.018, shot_noise=0.012, gain_drift=0.02, white_balance_drift=0.01)
 # two by two rendered pixels are enough behind its blur: P's rms error is 0.050 mm, not 0.043 mm
 # as with three by three (500 poses)
 LAB_CAMERA = CameraOptions(
     supersampling=2,
-    lens=LAB_LENS,
+    lens=Lens(
+        k1=-0.12, k2=0.05, p1=0.0006, p2=-0.0004, principal_offset_px=(3.2, -2.1), defocus_px=0.6
+    ),
     exposure=Exposure(exposure_s=0.008, blur_step_px=0.75),
-    noise=LAB_NOISE,
+    noise=Noise(read_noise=0.018, shot_noise=0.012, gain_drift=0.02, white_balance_drift=0.01),
 )

@@ -19,8 +19,9 @@ class Posture:
         self._home = np.array(model.key_qpos[0])
 
     def positions(self, q: FloatArray) -> FloatArray:
-        """(nq,) generalized positions at q (4,), standing as in keyframe 0."""
-        return np.asarray(self._joints.standing(self._home, q[None])[0])
+        """(..., nq) generalized positions at q (..., 4), standing as in keyframe 0."""
+        qpos = self._joints.standing(self._home, np.atleast_2d(q))
+        return np.reshape(qpos, (*q.shape[:-1], -1))
 
     def coordinates(self, qpos: FloatArray) -> FloatArray:
         """(4,) q at generalized positions (nq,); θ1 in [−2π, 2π]."""

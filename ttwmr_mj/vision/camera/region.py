@@ -1,4 +1,4 @@
-"""Rectangles of the ideal picture plane."""
+"""Rectangles of pixels: of the sensor, or of the ideal picture plane."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 
 class Region(NamedTuple):
-    """Fine pixels left ≤ u < right, top ≤ v < bottom, counted from the optical axis."""
+    """Pixels left ≤ u < right, top ≤ v < bottom; those of the plane count from the optical axis."""
 
     left: int
     top: int
@@ -17,28 +17,24 @@ class Region(NamedTuple):
     bottom: int
 
     @classmethod
-    def around(cls, u: NDArray[Any], v: NDArray[Any], margin: int = 0) -> Region:
-        """The smallest region with all of these points, and a margin."""
-        return cls(
-            int(np.floor(u.min())) - margin,
-            int(np.floor(v.min())) - margin,
-            int(np.ceil(u.max())) + margin,
-            int(np.ceil(v.max())) + margin,
-        )
+    def around(cls, u: NDArray[Any], v: NDArray[Any]) -> Region:
+        """The smallest region with all of these points."""
+        low, high = np.floor([u.min(), v.min()]), np.ceil([u.max(), v.max()])
+        return cls(*map(int, (*low, *high)))
 
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
         return self.bottom - self.top, self.right - self.left
 
-    def union(self, other: Region) -> Region:
-        """The smallest region that contains both."""
-        return Region(
-            min(self.left, other.left),
-            min(self.top, other.top),
-            max(self.right, other.right),
-            max(self.bottom, other.bottom),
-        )
+    def grown(self, reach: int) -> Region:
+        """So many pixels more on every side."""
+        left, top, right, bottom = self
+        return Region(left - reach, top - reach, right + reach, bottom + reach)
+
+    def clipped(self, outer: Region) -> Region:
+        """What of it lies in another region; nothing: a shape that is not positive."""
+        return Region(*map(max, self[:2], outer[:2]), *map(min, self[2:], outer[2:]))
 
     def within(self, outer: Region) -> tuple[slice, slice]:
         """Rows and columns of this region in a picture of a larger one."""

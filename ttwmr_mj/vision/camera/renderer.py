@@ -8,6 +8,7 @@ same bits as that part of a whole picture: a robot costs a sixth of a frame.
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -25,6 +26,7 @@ IdImage = NDArray[np.int32]
 TILE_PX = 512  # side of the offscreen buffer; clearing a larger one costs more than drawing
 MAX_GEOMS = 2000  # far more than a laboratory has
 STATIC_GROUPS = (0, 1)  # floor and walls
+IDS_AS_COLOURS = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
 ROBOT_GROUP = 2  # what is seen of the robot; collision shapes are in group 3
 
 
@@ -32,7 +34,6 @@ class RegionRenderer:
     """One camera of one scene. All calls must come from the thread that made it.
 
     Attributes:
-        model: the scene.
         close: gives back what OpenGL holds; happens by itself when this is garbage.
     """
 
@@ -50,7 +51,7 @@ class RegionRenderer:
         model.vis.global_.offwidth = model.vis.global_.offheight = TILE_PX
         # fine pixels are averaged later; multisampling costs more, and blends into the background
         model.vis.quality.offsamples = model.vis.quality.shadowsize = 0
-        self.model = model
+        self._model = model
         self._focal_px = focal_px
         self._data = mujoco.MjData(model)
         self._context = make_context()
@@ -66,32 +67,22 @@ class RegionRenderer:
         self._camera.fixedcamid = model.camera(camera).id
         self._robot_geoms = np.flatnonzero(model.geom_group == ROBOT_GROUP)
         self._radii = model.geom_rbound[self._robot_geoms]
-        self.place(model.key_qpos[0] if model.nkey else model.qpos0)
+        self._place(model.qpos0)
 
-    def place(self, qpos: FloatArray) -> None:
-        """Move the bodies to generalized positions (nq,)."""
-        self._data.qpos[:] = qpos
-        mujoco.mj_kinematics(self.model, self._data)
-        mujoco.mj_camlight(self.model, self._data)
+    def robot_region(self, postures: Sequence[FloatArray], margin: int) -> Region:
+        """A region that contains the robot at every qpos (nq,), with a margin in fine pixels."""
+        edges = np.concatenate([self._robot_edges(qpos) for qpos in postures])
+        return Region.around(*edges.T).grown(margin)
 
-    def robot_region(self, margin: int) -> Region:
-        """A region that contains the robot as placed, with a margin in fine pixels."""
-        axes = self._data.cam_xmat[self._camera.fixedcamid].reshape(3, 3)
-        centre = self._data.cam_xpos[self._camera.fixedcamid]
-        right, up, back = ((self._data.geom_xpos[self._robot_geoms] - centre) @ axes).T
-        depth = -back - self._radii  # where a sphere's silhouette lies at the latest
-        u, v = self._focal_px * right / -back, self._focal_px * -up / -back
-        reach = self._focal_px * self._radii / depth + margin
-        return Region.around(np.stack([u - reach, u + reach]), np.stack([v - reach, v + reach]))
-
-    def robot(self, region: Region) -> Image:
-        """The robot alone before black, (rows, columns, 3) BGR."""
+    def robot(self, qpos: FloatArray, region: Region) -> Image:
+        """The robot alone before black, (rows, columns, 3) BGR, at generalized positions (nq,)."""
+        self._place(qpos)
         self._show(ROBOT_GROUP)
         return self._tiles(region)
 
-    def robot_on(self, floor: Image, region: Region) -> Image:
+    def robot_on(self, floor: Image, qpos: FloatArray, region: Region) -> Image:
         """The robot before a picture of the region, which shows where no lit surface is."""
-        robot = self.robot(region)
+        robot = self.robot(qpos, region)
         beside = cv2.inRange(robot, (0, 0, 0), (0, 0, 0))
         return np.asarray(cv2.copyTo(floor, beside, robot))
 
@@ -100,26 +91,40 @@ class RegionRenderer:
         self._show(*STATIC_GROUPS)
         return self._tiles(region)
 
-    def robot_ids(self, region: Region) -> IdImage:
+    def robot_ids(self, qpos: FloatArray, region: Region) -> IdImage:
         """Geom id of what is seen of the robot, (rows, columns); −1 beside it."""
-        self._show(ROBOT_GROUP)
-        flags = self._scene.flags
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 1
-        code = self._tiles(region).astype(np.int32)
-        flags[mujoco.mjtRndFlag.mjRND_SEGMENT] = flags[mujoco.mjtRndFlag.mjRND_IDCOLOR] = 0
-        number = code[..., 2] + 256 * code[..., 1] + 65536 * code[..., 0]
+        self._scene.flags[IDS_AS_COLOURS] = 1
+        code = self.robot(qpos, region).astype(np.int32)
+        self._scene.flags[IDS_AS_COLOURS] = 0
+        number = code @ [65536, 256, 1]  # blue is the highest of the three bytes
         ids = np.full(self._scene.ngeom + 1, -1, dtype=np.int32)
         for geom in self._scene.geoms[: self._scene.ngeom]:
             if geom.segid >= 0 and geom.objtype == mujoco.mjtObj.mjOBJ_GEOM:
                 ids[geom.segid + 1] = geom.objid
         return np.asarray(ids[number])
 
+    def _place(self, qpos: FloatArray) -> None:
+        self._data.qpos[:] = qpos
+        mujoco.mj_kinematics(self._model, self._data)
+        mujoco.mj_camlight(self._model, self._data)
+
+    def _robot_edges(self, qpos: FloatArray) -> FloatArray:
+        """(n, 2) fine pixels: two corners around each geom's bounding sphere."""
+        self._place(qpos)
+        axes = self._data.cam_xmat[self._camera.fixedcamid].reshape(3, 3)
+        centre = self._data.cam_xpos[self._camera.fixedcamid]
+        right, up, back = ((self._data.geom_xpos[self._robot_geoms] - centre) @ axes).T
+        middle = self._focal_px * np.stack([right, -up]) / -back
+        depth = -back - self._radii  # where a sphere's silhouette lies at the latest
+        reach = self._focal_px * self._radii / depth
+        return np.concatenate([middle - reach, middle + reach], axis=1).T
+
     def _show(self, *groups: int) -> None:
         self._option.geomgroup[:] = 0
         self._option.geomgroup[list(groups)] = 1
         everything = mujoco.mjtCatBit.mjCAT_ALL
         mujoco.mjv_updateScene(
-            self.model, self._data, self._option, None, self._camera, everything, self._scene
+            self._model, self._data, self._option, None, self._camera, everything, self._scene
         )
 
     def _tiles(self, region: Region) -> Image:
@@ -128,8 +133,7 @@ class RegionRenderer:
         picture = np.empty((*region.shape, 3), dtype=np.uint8)
         for top in range(region.top, region.bottom, TILE_PX):
             for left in range(region.left, region.right, TILE_PX):
-                right, bottom = min(left + TILE_PX, region.right), min(top + TILE_PX, region.bottom)
-                tile = Region(left, top, right, bottom)
+                tile = Region(left, top, left + TILE_PX, top + TILE_PX).clipped(region)
                 picture[tile.within(region)] = self._tile(tile)
         return picture
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 from copy import copy
-from functools import partial, reduce
 
-import cv2
 import mujoco
 import numpy as np
 
@@ -26,7 +24,6 @@ from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
 from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
 from ttwmr_mj.vision.camera.posture import Posture
-from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
 
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
@@ -51,6 +48,8 @@ class VirtualCamera:
         options: CameraOptions,
         model: mujoco.MjModel,
         rng: np.random.Generator,
+        *,
+        segmentation: bool = False,
     ) -> None:
         """Build the scene and render its background.
 
@@ -58,12 +57,14 @@ class VirtualCamera:
             options: the camera, its sensor and its faults.
             model: the scene, as of `plants.mjcf.build_model`; it is copied.
             rng: source of the sensor's noise.
+            segmentation: whether frames carry the class of every pixel.
 
         Raises:
             InputError: the scene lacks a part, or the lens folds the picture.
             MachineError: no OpenGL.
         """
         self._options = options
+        self._segmentation = segmentation
         self.model = copy(model)
         self.layout = read_layout(self.model)
         self.true: CameraModel = hang_camera(self.model, options)
@@ -85,7 +86,7 @@ class VirtualCamera:
 
     def lay_out(self, distractors: tuple[Distractor, ...]) -> None:
         """Put other distractors on the floor."""
-        whole = self._lens.whole
+        whole, sensor = self._lens.whole, self._lens.sensor
         self._floor = self._empty_floor.copy()
         classes = np.zeros(whole.shape, dtype=np.uint8)
         for distractor in distractors:
@@ -95,76 +96,59 @@ class VirtualCamera:
             colour = 255 * self.layout.colour_bgr[NAMES.index(distractor.colour_of)]
             fill(self._floor, outline, colour.tolist())
             fill(classes, outline, [DISTRACTOR_CLASS], smooth=False)
-        everywhere = slice(0, self.true.height_px), slice(0, self.true.width_px)
-        self._background = self._lens.expose(self._floor, whole, *everywhere)
-        self._background_classes = self._lens.nearest(classes, whole, *everywhere)
+        self._background = self._lens.expose(self._floor, whole, sensor)
+        self._background_classes = self._lens.nearest(classes, whole, sensor)
 
-    def take(
-        self,
-        qpos: FloatArray,
-        q_rate: FloatArray,
-        time_s: float,
-        *,
-        segmentation: bool = False,
-    ) -> Frame:
+    def take(self, qpos: FloatArray, q_rate: FloatArray, time_s: float) -> Frame:
         """Expose a frame whose shutter closes now.
 
         Args:
             qpos: (nq,) generalized positions now.
             q_rate: (4,) rates of q, taken as constant while the shutter is open.
             time_s: now; from frame to frame it must not go back.
-            segmentation: render the class of every pixel as well.
 
         Returns:
             The frame, its time in the middle of the exposure.
         """
         half_s = 0.5 * self._options.exposure.exposure_s
-        middle = self.posture.moved(qpos, q_rate, -half_s)
-        q = self.posture.coordinates(middle)
-        labels_m = self.layout.centres_m(q)
-        light, classes = self._light(qpos, q_rate, segmentation=segmentation)
         moment = time_s - half_s
+        q = self.posture.coordinates(self.posture.moved(qpos, q_rate, -half_s))
+        labels_m = self.layout.centres_m(q)
+        centres_px = self.true.project(labels_m)
+        light, classes = self._light(qpos, q_rate)
         self._occluders.draw(light, classes, moment, labels_m)
         self._glare.add(light, moment)
-        centres_px = self.true.project(labels_m)
-        truth = FrameTruth(
-            q=q,
-            centres_px=centres_px,
-            visible=self._visible(labels_m, centres_px, moment),
-            segmentation=classes,
-        )
+        visible = self._visible(labels_m, centres_px, moment)
+        truth = FrameTruth(q, centres_px, visible, classes)
         return Frame(image=self._noise.read(light, moment), time_s=moment, truth=truth)
 
     def close(self) -> None:
         """Give back what OpenGL holds."""
         self._renderer.close()
 
-    def _light(
-        self, qpos: FloatArray, q_rate: FloatArray, *, segmentation: bool
-    ) -> tuple[Image, Image | None]:
+    def _light(self, qpos: FloatArray, q_rate: FloatArray) -> tuple[Image, Image | None]:
         """What falls on the sensor, and the classes seen, at the middle of the exposure."""
-        instants = self._instants(qpos, q_rate)
-        region = self._region(instants)
-        rows, columns = self._lens.footprint(region)
         light = self._background.copy()
-        classes = self._background_classes.copy() if segmentation else None
-        if rows.start >= rows.stop or columns.start >= columns.stop:
+        classes = self._background_classes.copy() if self._segmentation else None
+        instants = self._instants(qpos, q_rate)
+        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
+        region = self._renderer.robot_region(ends, self._options.supersampling)
+        window = self._lens.footprint(region)
+        if min(window.shape) <= 0:
             return light, classes
-        source = self._lens.source(rows, columns)
-        pictures = map(partial(self._picture, source), instants)
-        picture = next(pictures)
-        if len(instants) > 1:
-            total = picture.astype(np.float32)
-            for other in pictures:
-                cv2.accumulate(other, total)
-            picture = np.rint(total / len(instants)).astype(np.uint8)
-        light[rows, columns] = self._lens.expose(picture, source, rows, columns)
+        seen = window.within(self._lens.sensor)
+        source = self._lens.source(window)
+        floor = self._floor[source.within(self._lens.whole)]
+        pictures = [self._renderer.robot_on(floor, instant, source) for instant in instants]
+        picture = pictures[0]
+        if len(pictures) > 1:
+            picture = np.rint(np.mean(pictures, axis=0, dtype=np.float32)).astype(np.uint8)
+        light[seen] = self._lens.expose(picture, source, window)
         if classes is not None:
-            self._renderer.place(instants[len(instants) // 2])
-            ids = self._renderer.robot_ids(source)
+            ids = self._renderer.robot_ids(instants[len(instants) // 2], source)
             fine = self._classes[ids]  # −1, beside the robot, finds the last entry: background
-            seen = self._lens.nearest(fine, source, rows, columns)
-            np.copyto(classes[rows, columns], seen, where=seen > 0)
+            robot = self._lens.nearest(fine, source, window)
+            np.copyto(classes[seen], robot, where=robot > 0)
         return light, classes
 
     def _instants(self, qpos: FloatArray, q_rate: FloatArray) -> list[FloatArray]:
@@ -180,23 +164,10 @@ class VirtualCamera:
         ages = exposure.exposure_s * (np.arange(count) + 0.5) / count
         return [self.posture.moved(qpos, q_rate, -age) for age in ages]
 
-    def _region(self, instants: list[FloatArray]) -> Region:
-        """Where the robot is during the exposure."""
-        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
-        return reduce(Region.union, map(self._robot_region, ends))
-
-    def _robot_region(self, qpos: FloatArray) -> Region:
-        self._renderer.place(qpos)
-        return self._renderer.robot_region(self._options.supersampling)
-
-    def _picture(self, region: Region, qpos: FloatArray) -> Image:
-        """The robot on its floor at one instant, in fine pixels."""
-        self._renderer.place(qpos)
-        return self._renderer.robot_on(self._floor[region.within(self._lens.whole)], region)
-
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""
-        if not self._occluders.at(time_s) and self._well_inside(centres_px):
+        border_px = np.minimum(centres_px, self._size_px - 1.0 - centres_px).min()
+        if border_px > self._label_px and not self._occluders.at(time_s):
             return np.ones(COUNT)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
@@ -204,11 +175,6 @@ class VirtualCamera:
         inside = ((pixel >= -0.5) & (pixel < self._size_px - 0.5)).all(axis=-1)
         hidden = self._occluders.hide(points, time_s, labels_m)
         return np.asarray((inside & ~hidden).mean(axis=-1))
-
-    def _well_inside(self, centres_px: FloatArray) -> bool:
-        """Whether every centre is farther from the picture's border than a label is wide."""
-        margin = np.minimum(centres_px, self._size_px - 1.0 - centres_px)
-        return bool((margin > self._label_px).all())
 
 
 def _simplify_for_drawing(model: mujoco.MjModel) -> None:

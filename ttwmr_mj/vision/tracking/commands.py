@@ -58,7 +58,8 @@ class CommandHistory:
         for delay, speed in zip(after, speeds[0], strict=True):
             self._add(time_s + delay, speed)
         self._setpoint = speeds[:, -1]
-        self._forget(time_s - MEMORY_S)
+        forgotten = max(bisect_right(self._times, time_s - MEMORY_S) - 1, 0)
+        del self._times[:forgotten], self._twists[:forgotten]
 
     def twist(self, time_s: float) -> tuple[float, float]:
         """(u1 [m/s], u2 [rad/s]) at a time."""
@@ -85,7 +86,3 @@ class CommandHistory:
     def _twist(self, speed: FloatArray) -> tuple[float, float]:
         u1, u2 = twist_from_wheels(np.asarray(speed).reshape(2), self._robot)
         return float(u1), float(u2)
-
-    def _forget(self, before_s: float) -> None:
-        keep = max(bisect_right(self._times, before_s) - 1, 0)
-        del self._times[:keep], self._twists[:keep]

@@ -13,7 +13,7 @@ import numpy as np
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
 from ttwmr_mj.vision.tracking.detection import Candidates
-from ttwmr_mj.vision.tracking.pose import MIN_LABELS, LabelPose, solve_pose
+from ttwmr_mj.vision.tracking.pose import LabelPose, solve_pose
 
 DISTANCE_TOLERANCE_M = 0.006  # between two labels of one half
 RESIDUAL_TOLERANCE_M = 0.003  # of the whole set against a pose; a label's noise is 0.1 mm
@@ -36,46 +36,39 @@ def choose(
         The pose, and (4,) the index of each label's candidate, −1 without; None where no set of at
         least three fits. More labels win, then the smaller residual.
     """
-    pairs = [_pairs(candidates, points_m, layout, half) for half in (0, 1)]
-    singles = [
-        [(int(i), -1) for i in np.flatnonzero(candidates.label == front)]
-        + [(-1, int(i)) for i in np.flatnonzero(candidates.label == rear)]
-        for front, rear in PAIRS
+    (pairs, singles), (trailer_pairs, trailer_singles) = (
+        _halves(candidates, points_m, layout, *labels) for labels in PAIRS
+    )
+    partial = [*product(pairs, trailer_singles), *product(singles, trailer_pairs)]
+    return _best(product(pairs, trailer_pairs), points_m, layout) or _best(
+        partial, points_m, layout
+    )
+
+
+def _halves(
+    candidates: Candidates, points_m: FloatArray, layout: LabelLayout, front: int, rear: int
+) -> tuple[list[Pair], list[Pair]]:
+    """Candidates of a half's two labels as far apart as the labels, and candidates of one alone."""
+    fronts = np.flatnonzero(candidates.label == front).tolist()
+    rears = np.flatnonzero(candidates.label == rear).tolist()
+    apart = np.linalg.norm(layout.offset_m[front] - layout.offset_m[rear])
+    pairs = [
+        (i, j)
+        for i, j in product(fronts, rears)
+        if abs(np.linalg.norm(points_m[i] - points_m[j]) - apart) < DISTANCE_TOLERANCE_M
     ]
-    full = product(pairs[0], pairs[1])
-    best = _best(full, points_m, layout)
-    if best is None:
-        partial = [*product(pairs[0], singles[1]), *product(singles[0], pairs[1])]
-        best = _best(partial, points_m, layout)
-    return best
-
-
-def _pairs(
-    candidates: Candidates, points_m: FloatArray, layout: LabelLayout, half: int
-) -> list[Pair]:
-    """Candidates of a half's two labels that are as far apart as the labels."""
-    front, rear = PAIRS[half]
-    apart = float(np.linalg.norm(layout.offset_m[front] - layout.offset_m[rear]))
-    fronts = np.flatnonzero(candidates.label == front)
-    rears = np.flatnonzero(candidates.label == rear)
-    gap = np.linalg.norm(points_m[fronts, None] - points_m[None, rears], axis=-1)
-    rows, columns = np.nonzero(np.abs(gap - apart) < DISTANCE_TOLERANCE_M)
-    return [(int(i), int(j)) for i, j in zip(fronts[rows], rears[columns], strict=True)]
+    return pairs, [*((i, -1) for i in fronts), *((-1, j) for j in rears)]
 
 
 def _best(
-    sets: Iterable[tuple[Pair, Pair]], points_m: FloatArray, layout: LabelLayout
+    sets: Iterable[tuple[Pair, ...]], points_m: FloatArray, layout: LabelLayout
 ) -> tuple[LabelPose, FloatArray] | None:
-    best: tuple[LabelPose, FloatArray] | None = None
+    fits = []
     for tractor, trailer in islice(sets, MAX_SETS):
         index = np.array([*tractor, *trailer])
-        if (index >= 0).sum() < MIN_LABELS:
-            continue
         chosen = np.full((COUNT, 2), np.nan)
         chosen[index >= 0] = points_m[index[index >= 0]]
         pose = solve_pose(chosen, layout)
-        if pose is None or pose.residual_m > RESIDUAL_TOLERANCE_M:
-            continue
-        if best is None or pose.residual_m < best[0].residual_m:
-            best = pose, index
-    return best
+        if pose is not None and pose.residual_m <= RESIDUAL_TOLERANCE_M:
+            fits.append((pose, index))
+    return min(fits, key=lambda fit: fit[0].residual_m, default=None)

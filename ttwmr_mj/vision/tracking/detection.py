@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
-from ttwmr_mj.vision.tracking.blobs import blobs, label_sized
+from ttwmr_mj.vision.camera.region import Region
 
 Response = NDArray[np.float32]
 
@@ -26,6 +26,8 @@ MIN_CONTRAST = 32.0  # grey levels; 2 % noise is 5, a new label 150 to 200
 SMOOTHING_PX = (3, 3)  # leaves a third of white noise, and is narrower than a label
 EDGE = 0.5  # of the peak response: there lies a blurred edge
 FLOOR = 0.1  # of the peak response: below lie noise and the tints of what is nearly grey
+AREA_SHARE = (0.7, 1.5)  # of a full disc: a label's blob at half its peak
+SIDE_SLACK_PX = 2.2  # how much shorter or longer than a diameter a blob's sides may be
 # ratio of the light's variances along and across: 1.06 is the most that noise and a sharp eye give,
 # motion blur of 5 px or an edge 1.3 mm over the label makes 1.2
 LONGEST = 1.2
@@ -90,15 +92,13 @@ class Detector:
         response = hue @ small.reshape(-1, 3).T.astype(np.float32)
         mask = np.zeros((COUNT, rows + 1, columns), dtype=np.uint8)  # a dark row between each two
         mask[:, :rows] = (response > COARSE_CONTRAST * MIN_CONTRAST).reshape(COUNT, rows, columns)
-        found = blobs(mask.reshape(-1, columns))
-        label = (found.centre_px[:, 1] // (rows + 1)).astype(np.intp)
-        area = found.area_px * shrink**2 / (np.pi * self.radius_px**2)
-        chosen = _likeliest(label, area)
-        coarse = found.centre_px[chosen]
-        coarse[:, 1] -= label[chosen] * (rows + 1)
-        centre = (coarse + 0.5) * shrink - 0.5
-        refined, sound = self._refine(image, label[chosen], centre, self._reach + shrink)
-        return Candidates(label[chosen][sound], refined[sound])
+        coarse, area_px, _ = blobs(mask.reshape(-1, columns))
+        label = (coarse[:, 1] // (rows + 1)).astype(np.intp)
+        coarse[:, 1] -= label * (rows + 1)
+        chosen = _likeliest(label, area_px * shrink**2 / (np.pi * self.radius_px**2))
+        label, centre = label[chosen], (coarse[chosen] + 0.5) * shrink - 0.5
+        refined, sound = self._refine(image, label, centre, self._reach + shrink)
+        return Candidates(label[sound], refined[sound])
 
     def _balanced_hue(self, image: Image) -> FloatArray:
         """(4, 3) weights of blue, green, red that cancel for what is grey in this image."""
@@ -123,9 +123,8 @@ class Detector:
         peak = even.max(axis=(1, 2))
         mask = (even > (EDGE * peak)[:, None, None]).view(np.uint8)
         mask[:, 0] = mask[:, -1] = 0  # regions are stacked: keep their blobs apart
-        found = blobs(mask.reshape(-1, side))
-        fits = np.flatnonzero(label_sized(found, self.radius_px))
-        place = found.centre_px[fits]
+        place, area_px, size_px = blobs(mask.reshape(-1, side))
+        place = place[label_sized(area_px, size_px, self.radius_px)]
         owner = (place[:, 1] // side).astype(np.intp)
         place[:, 1] -= owner * side
         away = ((place - (near[owner] - corner[owner])) ** 2).sum(axis=1)
@@ -164,6 +163,26 @@ class Detector:
         return np.stack([x, y], axis=-1).astype(np.float64) + rough, whole
 
 
+def blobs(mask: Image) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """The connected sets of non-zero pixels in a mask (rows, columns), n of them.
+
+    Returns:
+        Their middles (n, 2) column, row; numbers of pixels (n,); widths and heights (n, 2).
+    """
+    _, _, stats, centres = cv2.connectedComponentsWithStats(mask, connectivity=4)
+    # the first is the background
+    found, middle = np.array(stats[1:], dtype=np.float64), np.array(centres[1:], dtype=np.float64)
+    return middle, found[:, cv2.CC_STAT_AREA], found[:, 2:4]
+
+
+def label_sized(area_px: FloatArray, size_px: FloatArray, radius_px: float) -> BoolArray:
+    """(n,) which blobs have the area (n,) and the sides (n, 2) of a disc of this radius."""
+    low, high = AREA_SHARE
+    area = area_px / (np.pi * radius_px**2)
+    sides = np.abs(size_px - 2.0 * radius_px).max(axis=1, initial=0.0) <= SIDE_SLACK_PX
+    return np.asarray((area >= low) & (area <= high) & sides)
+
+
 def neutral_colour(image: Image) -> FloatArray:
     """(3,) what grey looks like in an image of a mostly grey scene, scaled to mean one.
 
@@ -179,15 +198,13 @@ def neutral_colour(image: Image) -> FloatArray:
 
 def _cut(image: Image, corner: NDArray[np.intp], side: int) -> Response:
     """(n, side, side, 3) squares with their first pixel at corners (n, 2); black outside."""
-    height, width = image.shape[:2]
+    picture = Region(0, 0, image.shape[1], image.shape[0])
     patches = np.zeros((len(corner), side, side, 3), dtype=np.float32)
     for patch, (column, row) in zip(patches, corner.tolist(), strict=True):
-        top, left = max(row, 0), max(column, 0)
-        bottom, right = min(row + side, height), min(column + side, width)
-        if top < bottom and left < right:
-            patch[top - row : bottom - row, left - column : right - column] = image[
-                top:bottom, left:right
-            ]
+        square = Region(column, row, column + side, row + side)
+        seen = square.clipped(picture)
+        if min(seen.shape) > 0:
+            patch[seen.within(square)] = image[seen.within(picture)]
     return patches
 
 

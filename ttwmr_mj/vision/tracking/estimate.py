@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 import numpy as np
@@ -29,18 +29,14 @@ class Sighting:
     """What came of one frame.
 
     Attributes:
-        time_s: of the frame.
         found_px: (4, 2) centres that were used, NaN where none.
         predicted_px: (4, 2) where they were looked for; NaN in a whole-frame search.
         search_px: half the side of the search regions; NaN in a whole-frame search.
-        nis: normalised innovation squared of the labels used; NaN where the filter was not updated.
     """
 
-    time_s: float
-    found_px: FloatArray
-    predicted_px: FloatArray
+    found_px: FloatArray = field(default_factory=no_labels)
+    predicted_px: FloatArray = field(default_factory=no_labels)
     search_px: float = np.nan
-    nis: float = np.nan
 
     @property
     def labels(self) -> int:
@@ -53,7 +49,6 @@ class TrackEstimate:
     """The tracker's answer for one instant.
 
     Attributes:
-        time_s: the instant.
         q: (4,) x, y, θ1, θ2, angles unwrapped.
         q_rate: (4,) their rates.
         covariance: (4, 4) of q.
@@ -63,7 +58,6 @@ class TrackEstimate:
         labels: used in the newest frame; 0 when none has come.
     """
 
-    time_s: float
     q: FloatArray
     q_rate: FloatArray
     covariance: FloatArray

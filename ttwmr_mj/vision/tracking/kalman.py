@@ -5,27 +5,12 @@ Both halves share P in the measurement's equations, so the hitch constraint hold
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
 from ttwmr_mj.vision.tracking.motion import Gaussian
 from ttwmr_mj.vision.tracking.pose import label_jacobian
-
-
-class Innovation(NamedTuple):
-    """How labels compared with what was expected.
-
-    Attributes:
-        used: (4,) labels that passed the gate.
-        nis: normalised innovation squared of those, chi-square with twice their number of degrees
-            of freedom where model and noise are right; NaN without any.
-    """
-
-    used: BoolArray
-    nis: float
 
 
 def update(
@@ -35,7 +20,7 @@ def update(
     layout: LabelLayout,
     noise_m2: float,
     gate_chi2: float,
-) -> tuple[Gaussian, Innovation]:
+) -> tuple[Gaussian, BoolArray]:
     """Work label positions into the state.
 
     Args:
@@ -45,6 +30,9 @@ def update(
         layout: the labels on the robot.
         noise_m2: variance of a label's x and of its y.
         gate_chi2: labels with a larger squared normalised innovation are not used.
+
+    Returns:
+        The posterior, and (4,) which labels passed the gate; without any it is the prior.
     """
     innovation = points_m - layout.centres_m(prior.mean[:4])[:, :2]
     slope = label_jacobian(prior.mean[:4], layout)
@@ -53,18 +41,15 @@ def update(
     spread.flat[:: 2 * COUNT + 1] += noise_m2
     used = found & (_squared_distances(innovation, spread) < gate_chi2)
     if not used.any():
-        return prior, Innovation(used, float("nan"))
+        return prior, used
     difference = innovation.ravel()
     if not used.all():
         rows = np.flatnonzero(np.repeat(used, 2))
         spread, cross, difference = spread[np.ix_(rows, rows)], cross[:, rows], difference[rows]
-    solved = np.linalg.solve(spread, np.column_stack([cross.T, difference]))
-    gain = solved[:, :-1].T
+    gain = np.linalg.solve(spread, cross.T).T
     covariance = prior.covariance - gain @ cross.T
-    posterior = Gaussian(
-        prior.time_s, prior.mean + gain @ difference, 0.5 * (covariance + covariance.T)
-    )
-    return posterior, Innovation(used, float(difference @ solved[:, -1]))
+    mean = prior.mean + gain @ difference
+    return Gaussian(prior.time_s, mean, 0.5 * (covariance + covariance.T)), used
 
 
 def _squared_distances(innovation: FloatArray, spread: FloatArray) -> FloatArray:

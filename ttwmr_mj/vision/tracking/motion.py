@@ -20,7 +20,7 @@ from ttwmr_mj.vision.tracking.commands import TwistRamp
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
 SIZE = 7
-X, Y, THETA1, THETA2, DELTA1, DELTA2, THETA2_RATE = range(SIZE)
+DELTA1, DELTA2, THETA2_RATE = range(4, SIZE)
 LONGEST_LINEARIZATION_S = 0.04  # a control period of 33 ms; 66 ms change deviations by 5 %
 FASTEST_1_S = 1000.0  # a hitch that settles in 1 ms is locked for frames 33 ms apart
 MILD = 0.5  # a rate times a time up to which a Taylor polynomial of second order does
@@ -164,24 +164,26 @@ class MotionModel:
         u2 = 0.5 * (ramp.u2_start + ramp.u2_end) + delta2
         u1_rate = (ramp.u1_end - ramp.u1_start) / ramp.duration_s - self._decay * delta1
         cos, sin = math.cos(theta1), math.sin(theta1)
-        hitch = theta2 - theta1
-        cos_hitch, sin_hitch = math.cos(hitch), math.sin(hitch)
+        cos_hitch, sin_hitch = math.cos(theta2 - theta1), math.sin(theta2 - theta1)
         grip = self._friction / STICTION_RATE_RAD_S
-        friction = grip * (1.0 - math.tanh((rate - u2) / STICTION_RATE_RAD_S) ** 2)
+        loss = self._damping + grip * (1.0 - math.tanh((rate - u2) / STICTION_RATE_RAD_S) ** 2)
         by_hitch = -(u1 * u2 * sin_hitch + u1_rate * cos_hitch) / self._k - self._stiffness
-        slope = np.zeros((SIZE, SIZE))
-        slope[X, THETA1], slope[X, DELTA1] = -u1 * sin, cos
-        slope[Y, THETA1], slope[Y, DELTA1] = u1 * cos, sin
-        slope[THETA1, DELTA2] = 1.0
-        slope[THETA2, THETA2_RATE] = 1.0
-        slope[DELTA1, DELTA1] = slope[DELTA2, DELTA2] = -self._decay
-        slope[THETA2_RATE, THETA1], slope[THETA2_RATE, THETA2] = -by_hitch, by_hitch
-        slope[THETA2_RATE, DELTA1] = (u2 * cos_hitch + self._decay * sin_hitch) / self._k
-        slope[THETA2_RATE, DELTA2] = u1 * cos_hitch / self._k + self._damping + friction
-        slope[THETA2_RATE, THETA2_RATE] = -self._damping - friction
+        by_delta1 = (u2 * cos_hitch + self._decay * sin_hitch) / self._k
+        by_delta2 = u1 * cos_hitch / self._k + loss
+        slope = np.array(
+            [  # by x, y, θ1, θ2, δ1, δ2, θ̇2
+                [0.0, 0.0, -u1 * sin, 0.0, cos, 0.0, 0.0],
+                [0.0, 0.0, u1 * cos, 0.0, sin, 0.0, 0.0],
+                [0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0],
+                [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0],
+                [0.0, 0.0, 0.0, 0.0, -self._decay, 0.0, 0.0],
+                [0.0, 0.0, 0.0, 0.0, 0.0, -self._decay, 0.0],
+                [0.0, 0.0, -by_hitch, by_hitch, by_delta1, by_delta2, -loss],
+            ]
+        )
         slope *= duration_s
         if self._stiff:
             return np.asarray(expm(slope))
         transition = slope + 0.5 * slope @ slope
         transition.flat[:: SIZE + 1] += 1.0
-        return transition
+        return np.asarray(transition)

@@ -37,13 +37,12 @@ def solve_pose(points_m: FloatArray, layout: LabelLayout) -> LabelPose | None:
         layout: the labels on the robot.
 
     Returns:
-        None with fewer than two labels of one half and one of the other.
+        None with fewer than three labels: two of one half and one of the other.
     """
     found = np.isfinite(points_m[:, 0])
-    start = _start(points_m, found, layout)
-    if start is None:
+    if found.sum() < MIN_LABELS:
         return None
-    q = start
+    q = _start(points_m, found, layout)
     seen = points_m[found].ravel()
     rows = np.repeat(found, 2)
     for _ in range(ITERATIONS):
@@ -68,11 +67,9 @@ def label_jacobian(q: FloatArray, layout: LabelLayout) -> FloatArray:
     return jacobian
 
 
-def _start(points_m: FloatArray, found: BoolArray, layout: LabelLayout) -> FloatArray | None:
+def _start(points_m: FloatArray, found: BoolArray, layout: LabelLayout) -> FloatArray:
     """A first pose from the halves with two labels, completed by the others."""
     halves = [np.flatnonzero(found & (half == BODY)) for half in (TRACTOR, TRAILER)]
-    if found.sum() < MIN_LABELS or min(map(len, halves)) == 0:
-        return None
     angle = np.zeros(2)
     origins = []
     for half, labels in enumerate(halves):

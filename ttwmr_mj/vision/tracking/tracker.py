@@ -7,19 +7,21 @@ constraint holds by construction.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import q_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, unwrap_near
-from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.frame import Frame, Image
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.commands import CommandHistory
 from ttwmr_mj.vision.tracking.detection import Detector
 from ttwmr_mj.vision.tracking.estimate import Sighting, Status, TrackEstimate, no_labels
-from ttwmr_mj.vision.tracking.kalman import Innovation, update
+from ttwmr_mj.vision.tracking.kalman import update
 from ttwmr_mj.vision.tracking.motion import DELTA1, THETA2_RATE, Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -62,6 +64,7 @@ class Tracker:
         self.camera = camera
         self.layout = layout
         self._options = options
+        self._largest_std = np.repeat([options.max_position_std_m, options.max_angle_std_rad], 2)
         self._motion = MotionModel(believed, options)
         scale = camera.metres_per_pixel(float(layout.height_m.mean()))
         self._scale_m_px = scale
@@ -82,6 +85,15 @@ class Tracker:
         """
         self._filtered = self._first(time_s, q, theta2_rate_rad_s, PUT_DOWN_STD)
 
+    def follow(self, frames: Iterable[Frame], now_s: float) -> TrackEstimate:
+        """Work in the frames that have arrived by now, perhaps none, and answer for now."""
+        self.sighting = None
+        for frame in frames:
+            self.see(frame.image, frame.time_s)
+        if self.sighting is None:
+            self.miss(now_s)
+        return self.estimate(now_s)
+
     def see(self, image: Image, time_s: float) -> Sighting:
         """Work in a frame.
 
@@ -94,7 +106,7 @@ class Tracker:
             sighting = self._follow(image, time_s)
         if self.status is Status.LOST:
             sighting = self._acquire(image, time_s) or sighting
-        self.sighting = sighting or Sighting(time_s, no_labels(), no_labels())
+        self.sighting = sighting or Sighting()
         return self.sighting
 
     def miss(self, time_s: float) -> None:
@@ -108,20 +120,13 @@ class Tracker:
         """The state at a time, normally now: the filtered one carried over the commands since."""
         if self._filtered is None:
             unknown = np.full(4, np.nan)
-            return TrackEstimate(
-                time_s, unknown, unknown, np.diag(unknown), False, Status.LOST, np.inf, 0
-            )
+            return TrackEstimate(unknown, unknown, np.diag(unknown), False, Status.LOST, np.inf, 0)
         now = self._at(time_s)
         covariance = now.covariance[:4, :4]
-        spread = np.sqrt(covariance.diagonal())
-        sure = (
-            max(spread[0], spread[1]) <= self._options.max_position_std_m
-            and max(spread[2], spread[3]) <= self._options.max_angle_std_rad
-        )
+        sure = (np.sqrt(covariance.diagonal()) <= self._largest_std).all()
         twist = now.mean[DELTA1:THETA2_RATE] + self.commands.twist(time_s)
         workspace_rate = np.append(twist, now.mean[THETA2_RATE])
         return TrackEstimate(
-            time_s=time_s,
             q=now.mean[:4].copy(),
             q_rate=q_rate(now.mean[:4], workspace_rate),
             covariance=covariance,
@@ -150,24 +155,24 @@ class Tracker:
         self._filtered = prior
         if not found.any() or self._is_frozen(centres, found, expected):
             self._expire(time_s)
-            return Sighting(time_s, no_labels(), expected, search)
-        used, nis = self._update(prior, centres, found)
+            return Sighting(no_labels(), expected, search)
+        used = self._update(prior, centres, found)
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
         if used.any():
-            self._remember(time_s, centres)
+            self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
         self._expire(time_s)
         if self._misfits >= MAX_MISFITS:
             self.status, self._misfits = Status.LOST, 0
-        return Sighting(time_s, centres, expected, search, nis)
+        return Sighting(centres, expected, search)
 
-    def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> Innovation:
-        """Kalman's update with the labels that pass the gate."""
+    def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> BoolArray:
+        """Kalman's update with the labels that pass the gate (4,)."""
         points = self.camera.to_plane(np.where(found[:, None], centres, 0.0), self.layout.height_m)
-        self._filtered, innovation = update(
+        self._filtered, used = update(
             prior, points, found, self.layout, self._noise_m2, self._options.gate_chi2
         )
-        return innovation
+        return used
 
     def _acquire(self, image: Image, time_s: float) -> Sighting | None:
         """Look everywhere, and start afresh from what looks like the robot."""
@@ -186,8 +191,8 @@ class Tracker:
         centres = no_labels()
         centres[index >= 0] = candidates.centre_px[index[index >= 0]]
         self._update(prior, centres, index >= 0)
-        self._remember(time_s, centres)
-        return Sighting(time_s, centres, no_labels())
+        self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
+        return Sighting(centres)
 
     def _first(
         self, time_s: float, q: FloatArray, theta2_rate_rad_s: float, pose_std: FloatArray
@@ -196,10 +201,6 @@ class Tracker:
         mean = np.array([*q, 0.0, 0.0, theta2_rate_rad_s])
         std = np.array([*pose_std, *self._motion.deviation, FIRST_RATE_STD_RAD_S])
         return Gaussian(time_s, mean, np.diag(std**2))
-
-    def _remember(self, time_s: float, centres: FloatArray) -> None:
-        self.status = Status.TRACKED
-        self._seen_s, self._seen_px = time_s, centres
 
     def _expire(self, time_s: float) -> None:
         """Turn blind, then lost, when nothing was seen for long."""
