@@ -35,7 +35,7 @@ MODULES = (
     "scenario/checks.py",
     "scenario/faults.py",
 )
-PAIRS = "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul BitAnd_BitOr Mod_Add FloorDiv_Div MatMult_Mul"
+PAIRS = "Add_Sub Sub_Add Mul_Div Div_Mul Pow_Mul BitAnd_BitOr Mod_Add FloorDiv_Div"
 COMPARISONS = "Lt_Gt LtE_GtE Gt_Lt GtE_LtE Eq_NotEq NotEq_Eq Is_IsNot IsNot_Is"
 LONGEST_STATEMENT = 12  # lines
 OPERATORS = [
