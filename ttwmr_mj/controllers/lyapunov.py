@@ -65,12 +65,18 @@ def lyapunov_function(
 
     V mixes m² and (m/s)², as the article's does; only its shape over time means something.
     """
+    errors = np.concatenate([e, e_rate], axis=-1)
+    # sums, not products of matrices, whose rounding depends on the size of the batch
+    both = np.add.reduce((errors * errors)[..., None, :] * _weights(options), axis=-1)
+    return both[..., 0], both[..., 1]
+
+
+@cache
+def _weights(options: LyapunovOptions) -> FloatArray:
+    """(2, 4) what V and the claimed V' weigh e1², e3², e2², e4² with."""
     on_error = np.array([options.alpha1, options.alpha3])
     on_rate = np.array([options.alpha2, options.alpha4])
-    # sums, not products of matrices, whose rounding depends on the size of the batch
-    v = 0.5 * (on_error * e**2 + on_rate * e_rate**2).sum(axis=-1)
-    claimed = -(on_error * e**2 + (on_rate * e_rate) ** 2).sum(axis=-1)
-    return v, claimed
+    return np.array([[*on_error / 2, *on_rate / 2], [*-on_error, *-(on_rate**2)]])
 
 
 class Lyapunov(Law["LyapunovOptions"]):
