@@ -134,6 +134,11 @@ def test_bodies_are_where_mujoco_puts_them(recording: Recording) -> None:
             np.testing.assert_allclose(quaternion, data.body(body).xquat[[1, 2, 3, 0]], atol=1e-6)
 
 
+def test_p_is_the_origin_of_the_tractor(recording: Recording) -> None:
+    ((_, points),) = recording.entities["/world/tractor/P"]["Points3D:positions"]
+    assert points == [[0.0, 0.0, 0.0]]
+
+
 def test_every_visual_geom_is_drawn_once(recording: Recording) -> None:
     model = robot_model()
     for i in np.flatnonzero(model.geom_group == 2):

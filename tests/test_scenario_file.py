@@ -45,6 +45,13 @@ def test_a_minimal_file_is_filled_with_defaults(tmp_path: Path) -> None:
     assert (scenario.periods, scenario.steps_per_period) == (151, 66)
 
 
+def test_periods_are_whole_whatever_way_decimals_round(tmp_path: Path) -> None:
+    path = write(tmp_path, GOOD)
+    for duration_s, period_s, periods in ((0.3, 0.1, 3), (0.32, 0.1, 3), (0.033, 0.033, 1)):
+        overrides = [f"duration_s={duration_s}", f"control.sampling_time_s={period_s}"]
+        assert load_scenario(path, overrides).periods == periods  # 0.3/0.1 is 2.9999999999999996
+
+
 @pytest.mark.parametrize("name", list(shipped_scenarios()))
 def test_the_resolved_dump_loads_back_equal(name: str, tmp_path: Path) -> None:
     scenario = load_scenario(name)
