@@ -50,6 +50,7 @@ def test_every_job_has_fresh_globals_and_no_more_are_taken_than_there_are_worker
     [
         (jobs_to_do.break_off, "ZeroDivisionError: of its own making"),
         (jobs_to_do.leave, "the process ended with exit code 3: last words"),
+        (jobs_to_do.leave_quietly, "the process ended with exit code 0"),
         (jobs_to_do.crash, "the process ended with SIGSEGV"),
     ],
 )

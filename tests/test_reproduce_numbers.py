@@ -126,7 +126,8 @@ def test_solutions_in_continuous_time_are_told_apart_by_gamma() -> None:
 def test_the_friction_sweep_in_numbers() -> None:
     """Free, it swings; 0.3 mN·m hold it at φ = 0.3, 0.2 do not; 0.35 and more straight behind."""
     angles = dict.fromkeys(SWEEP, np.zeros(8))
-    angles |= {"friction-0-unm": np.arange(8.0), VISCOUS: np.full(8, 1.5)}
+    angles |= {"friction-0-unm": np.r_[:6.0, 1.5, 1.6], VISCOUS: np.full(8, 1.5)}
+    angles |= {"friction-1000-unm": np.r_[:6.0, 0.0, 0.1]}  # could hold it, but it swings yet
     angles |= {"friction-300-unm": np.full(8, 0.3), "friction-200-unm": np.full(8, 0.3)}
     off = ("friction-0-unm", "friction-300-unm", "friction-200-unm", VISCOUS)
     evidence = Told(values={run: 0.1 if run in off else 0.020 for run in SWEEP})
@@ -135,6 +136,6 @@ def test_the_friction_sweep_in_numbers() -> None:
     values = FIGURES["friction"].numbers.values(evidence)
     assert values["largest_load_mn_m"] == pytest.approx(1e3 * load_n_m)
     assert values["least_friction_that_carries_mn_m"] == pytest.approx(0.03)
-    assert values["runs_that_stand"] == 9  # of 10 dry ones
-    assert values["runs_that_balance"] == 5
+    assert values["runs_that_stand"] == 8  # of 10 dry ones
+    assert values["runs_that_balance"] == 4
     assert values["viscous_hitch_angle_rad"] == 1.5

@@ -14,7 +14,8 @@ from ttwmr_mj.controllers.lyapunov import LyapunovOptions, law
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.studies.reproduce.errata import ERRATA
-from ttwmr_mj.studies.reproduce.ideal import phase_plane
+from ttwmr_mj.studies.reproduce.ideal import phase_plane, step_size
+from ttwmr_mj.studies.reproduce.ideal.continuous import decade_times
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, Solution, sampled, solve
 from ttwmr_mj.studies.reproduce.proofs import proofs
 from ttwmr_mj.studies.reproduce.runs import RUNS
@@ -80,6 +81,9 @@ def test_all_paths_of_the_printed_law_end_on_e2_zero_but_for_one_ray() -> None:
     # e2 falls to zero like a square root of time: the last step that floats can take is this far
     assert all(abs(path[1][-1]) < 1e-7 for path in study["paths"])
     assert min(abs(e1) for e1 in study["left_e1_m"]) > 0.01
+    for (e1, e2), left in zip(study["paths"], study["left_v_share"], strict=True):
+        start = 25.0 * e1[0] ** 2 + 10.0 * e2[0] ** 2  # Table II; e2 = 0 in the end
+        assert left == pytest.approx(25.0 * e1[-1] ** 2 / start)
 
     def slope(u: float) -> float:
         """U' for u = e2/e1, which is e2'/e1 − u², the same at every e1."""
@@ -102,6 +106,24 @@ def test_the_printed_law_stands_still_where_it_first_stops_at_every_small_step()
         ends.append(math.hypot(*loop.errors(path.time_s[-1], tuple(path.z[-1]))[::2]))
     assert ends[0] == pytest.approx(ends[1], rel=5e-3)
     assert ends[0] > 0.4
+
+
+def test_law_32_decays_by_its_slow_eigenvalue() -> None:
+    """e'' + 10·e' + 2.5·e = 0: ln 10 over 5 − √22.5 for each decade, on samples of 10 ms."""
+    slow_1_s = 5.0 - math.sqrt(22.5)
+    assert np.diff(decade_times()) == pytest.approx(math.log(10.0) / slow_1_s, abs=0.011)
+
+
+def test_a_study_of_steps_tells_the_distance_at_the_start_and_the_end(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(step_size, "STEPS_S", (1e-2,))
+    (run,) = step_size.study("law (32), singular terms omitted")["runs"]
+    assert run["error_m"][0] == pytest.approx(0.5)  # from (0.6, -0.3) to (1, 0)
+    loop = IdealLoop(LAWS[0], 1.0, 0.5)
+    exact = solve(loop, loop.at_rest(0.6, -0.3), step_size.DURATION_S)
+    # a held command is late by half a step
+    assert run["final_error_m"] == pytest.approx(loop.distances(exact)[-1], rel=0.02)
 
 
 def test_exact_gamma_ends_within_a_fraction_of_a_second() -> None:
