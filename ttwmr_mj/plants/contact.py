@@ -131,7 +131,7 @@ class ContactPlant:
 
     def contact_readings(self) -> FloatArray:
         """(nsim, 5, 15) raw contact sensors of the last physics step, for `read_contacts`."""
-        return np.array(self._sensordata[:, self._contact_columns])
+        return np.asarray(self._sensordata[:, self._contact_columns])  # a copy, by a list of places
 
     def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
         """Let the servos ramp to the command and hold it, for a number of physics steps."""
