@@ -74,6 +74,19 @@ def test_from_standstill_it_turns_towards_the_acceleration(direction: float) -> 
     assert u1 > 0.3
 
 
+@pytest.mark.parametrize("direction", [3.0, -2.8])
+def test_on_the_spot_it_turns_no_faster_than_it_can_brake(direction: float) -> None:
+    """Δ = α·t²/2 and rate = α·t at constant braking: rate² = 2α·Δ."""
+    wheels = AccelerationToWheels(ROBOT, PERIOD, 1)
+    push = 0.5 * np.array([[np.cos(direction), np.sin(direction)]])
+    for _ in range(20):  # the servos get up to speed; the robot is held where it is
+        command = wheels.command(push, rolling(0.0, 0.0))
+    u1, u2 = twist_from_wheels(command.wheel_speed_rad_s, ROBOT)[0]
+    braking = 100.0 * 0.026 / 0.0595
+    assert u2 == pytest.approx(np.copysign(np.sqrt(2 * braking * abs(direction)), direction))
+    assert u1 == pytest.approx(0.0, abs=1e-12)
+
+
 def test_nothing_asked_at_rest_gives_nothing() -> None:
     command = AccelerationToWheels(ROBOT, PERIOD, 2).command(
         np.zeros((2, 2)), RobotState.at_rest(1.0, 2.0, 0.3, 0.1, nsim=2)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.resources import files
 from itertools import pairwise
 from pathlib import Path
@@ -10,13 +11,13 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.kinematics import to_body, wheels_from_twist, workspace_rate
-from ttwmr_mj.dynamics.kinetics import reduced_mass_matrix
+from ttwmr_mj.dynamics.kinetics import lateral_force, reduced_mass_matrix
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.planned import Plan, Planned, shipped_plans
-from ttwmr_mj.references.shared.feasibility import Feasibility, _forces, check_feasibility
+from ttwmr_mj.references.shared.feasibility import Check, Feasibility, _forces, check_feasibility
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
@@ -169,7 +170,11 @@ def test_the_wheels_power_is_the_change_of_kinetic_energy() -> None:
     # central differences: T²/6 of the third derivative of half a millijoule
     slope = np.gradient(0.5 * inertia, FINE)[1:-1]
     assert slope == pytest.approx(power[1:-1], abs=1e-4 * np.abs(power).max())
-    assert (grip[:, 0] >= np.abs(torque.sum(axis=-1))[:, 0] / FAST.tractor.wheel_radius_m).all()
+    # worst case of what the floor gives: drive, turning moment and side force at once
+    drive, moment = np.abs(torque.sum(axis=-1)), np.abs(np.diff(torque, axis=-1)[..., 0])
+    along = (drive + moment) / FAST.tractor.wheel_radius_m
+    across = lateral_force(q, twist, acceleration, FAST)
+    assert grip == pytest.approx(np.hypot(along, across), rel=1e-12)
 
 
 def test_the_workspace_counts_both_labels() -> None:
@@ -197,6 +202,24 @@ def test_stretches_are_counted_and_a_note_is_no_fault() -> None:
     steady = circle()["flatness, least |F''|"]
     assert steady.worst == pytest.approx(0.6, rel=1e-9)
     assert steady.kept
+
+
+def test_where_theta2_is_undefined_the_rest_is_still_judged() -> None:
+    eight = FigureEight(half_width_m=0.5, half_height_m=0.3, period_s=20.0, theta2="outward")
+    path = eight.sample(np.linspace(0.0, 20.0, 401))  # begins at the crossing
+    assert np.isnan(path.theta2_rad[0, 0])
+    check = check_feasibility(path, FAST)["free trailer"]
+    assert np.isfinite(check.worst)
+    assert check.worst_time_s > 0.0
+    assert not check.kept
+
+
+def test_a_check_says_how_often_it_is_broken() -> None:
+    once = Check("grip", "N", 9.0, 1.5, 5.0, ((1.0, 2.0),))
+    twice = replace(once, spans_s=((1.0, 2.0), (4.0, 4.5)))
+    assert str(once) == "FAIL grip: 9 of 5 N at 1.5 s; broken from 1 s to 2 s"
+    assert str(twice) == f"{once} and 1 more"
+    assert str(replace(once, spans_s=())) == "ok   grip: 9 of 5 N at 1.5 s"
 
 
 def test_a_tractor_that_slides_sideways_is_noticed() -> None:

@@ -20,7 +20,7 @@ PERIOD = 0.033
 HITCH = Hitch(stiffness_n_m_rad=0.004, damping_n_m_s_rad=0.003, coulomb_friction_n_m=1e-3)
 ROBOT = RobotParameters(servo=Servo(preset="fast"), hitch=HITCH)
 K, J = ROBOT.swing_length_m, ROBOT.swing_inertia_kg_m2
-LAMBDA, KAPPA = 2.0, 0.2
+LAMBDA, KAPPA = 2.3, 0.2  # unlike 2: 2² is 2·2
 
 
 def path(side: str = "outside", rate: float = 0.8, samples: int = 200) -> ReferencePath:
@@ -77,12 +77,59 @@ def test_one_sample_is_the_choice_of_the_docstring(side: str) -> None:
     e = F - flat[0, 0, :4]
     chain = np.poly([-LAMBDA] * 4)  # 1, 4λ, 6λ², 4λ³, λ⁴
     s = flat[0, 0, 4] - chain[1] * e[3] - chain[2] * e[2] - chain[3] * e[1] - chain[4] * e[0]
+    t0, n0 = t, n
     acceleration2 = (s @ n - 2 * a_rate * swing - K * d * swing**2) / a
     bend = s @ t + a * swing**2 - K * d * acceleration2
     mean = np.polynomial.Polynomial([a, a_rate, 0.5 * bend]).integ()(PERIOD) / PERIOD
     t, n = (axis[0] for axis in trailer_axes(q[:, 3] + 0.5 * PERIOD * swing))
     expected = (mean - K * swing**2) * t + K * (acceleration2 - d) * n
     assert acceleration == pytest.approx(expected, abs=1e-9)
+    chain = (law._along[0], law._along_rate[0])
+    error = e[0] @ t0 + 1j * (e[0] @ n0)
+    if side == "outside":
+        moved = (a + PERIOD * a_rate + 0.5 * PERIOD**2 * bend, a_rate + PERIOD * bend)
+        assert chain == pytest.approx(moved, abs=1e-9)
+        assert law._integral[0] == pytest.approx(PERIOD * KAPPA * LAMBDA * error, abs=1e-12)
+    else:  # a wheel was cut: what P really does counts, and nothing winds up
+        after = law._observer._past[-1]
+        change = law._velocity(after)[0] - velocity
+        middle = trailer_axes(0.5 * (q[:, 3] + after.body[:, 3]))[0][0]
+        possible = change @ middle / PERIOD + K * after.body[0, 4] ** 2
+        assert chain == pytest.approx((possible, 0.0), abs=1e-9)
+        assert law._integral[0] == 0.0
+
+
+def test_the_integral_acts_in_the_trailers_frame() -> None:
+    """(λ + iω)⁴·ξ·τ, beside what the same sample asks for without."""
+    reference = path()
+    found = []
+    for integral in (0.0, 1e-3 - 2e-3j):
+        law = Flatness(FlatnessOptions(bandwidth_per_s=LAMBDA))
+        law.start(Task(ROBOT, reference, PERIOD, 1, np.random.default_rng(0)))
+        law._integral[:] = integral
+        found.append(asked(law, reference.q[0], reference.q_rate[0]))
+    theta2, a = reference.theta2_rad[0, 0], 0.6 * 0.8**2
+    s = -((LAMBDA + 0.8j) ** 4) * (1e-3 - 2e-3j)  # in the trailer's frame
+    mean = PERIOD**2 / 6.0 * (s.real - K * 0.0) + 1j * K * s.imag / a
+    turned = mean * np.exp(1j * (theta2 + 0.5 * PERIOD * 0.8))
+    friction = PERIOD**2 / 6.0 * K * 10.0 * abs(s.imag) / a  # d, which bends a'' a little
+    change = found[1] - found[0]
+    assert complex(*change) == pytest.approx(turned, abs=friction)
+
+
+def test_a_new_way_sets_the_chain_and_none_leaves_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    reference = path()
+    law = Flatness(FlatnessOptions())
+    law.start(Task(ROBOT, reference, PERIOD, 1, np.random.default_rng(0)))
+    monkeypatch.setattr(law._ways, "wanted", lambda *_: np.ones(1, bool))
+    state = RobotState(reference.q[0], reference.q_rate[0])
+    now = law._observer.update(Estimate(state, np.zeros(1), np.ones(1, bool), np.zeros(1)))
+    for start in (None, (np.array([0.7]), np.array([0.2]))):
+        before = (law._along[0], law._along_rate[0])
+        monkeypatch.setattr(law._ways, "choose", lambda *_, start=start: start)
+        law._change_way(0, now)
+        after = (law._along[0], law._along_rate[0])
+        assert after == (before if start is None else (0.7, 0.2))
 
 
 def ways(rate: float, samples: int = 400) -> tuple[WaysBack, ReferencePath]:

@@ -20,6 +20,7 @@ from ttwmr_mj.controllers.lyapunov_pid import (
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.references.circle import Circle
+from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
@@ -220,6 +221,20 @@ def test_what_it_needs_is_asked_for() -> None:
     for other in ({"theta2_reference": "tractor"}, {"correction": "spring_damper"}):
         command = started(options(**other), circle("none")).command(0, off_the_circle())
         assert np.isfinite(command.wheel_speed_rad_s).all()
+
+
+def test_the_tractor_may_be_the_trailers_reference() -> None:
+    """θ2d = θ1 does not accelerate: e5 and its rate are the hitch's."""
+    law, seen = started(options(theta2_reference="tractor"), circle()), off_the_circle()
+    error, rate, feedforward = law._theta2_error(0, seen.state)
+    assert error == pytest.approx(seen.state.q[:, 3] - seen.state.q[:, 2])
+    assert rate == pytest.approx(seen.state.q_rate[:, 3] - seen.state.q_rate[:, 2])
+    assert feedforward == 0.0
+
+
+def test_a_reference_without_the_option_is_named_by_its_kind() -> None:
+    (fault,) = options().faults(FlatCircle(radius_m=0.4, angular_rate_rad_s=1.0), circle("none"))
+    assert str(fault).startswith("reference.kind: got 'flat_circle'; which leaves θ2 undefined")
 
 
 def test_the_defaults_are_table_ii() -> None:

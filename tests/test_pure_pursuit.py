@@ -51,6 +51,17 @@ def test_on_the_line_it_drives_straight_at_the_reference_speed() -> None:
     assert (u1, u2, cut) == (pytest.approx(0.3, rel=1e-12), 0.0, False)
 
 
+def test_at_the_end_of_the_reference_the_aim_is_its_end() -> None:
+    line = StraightLine(speed_m_s=0.3).sample(PERIOD * np.arange(40))
+    law = PurePursuit(PurePursuitOptions(preview_s=10 * PERIOD))
+    law.start(Task(ROBOT, line, PERIOD, 1, np.random.default_rng(0)))
+    state = RobotState.at_rest(0.3 * 36 * PERIOD, 0.01, 0.0, 0.0)
+    seen = Estimate(state, np.zeros(1), np.ones(1, dtype=np.bool_), np.full(1, np.nan))
+    u1, u2 = twist_from_wheels(law.command(36, seen).wheel_speed_rad_s, ROBOT)[0]
+    ahead = 0.3 * 3 * PERIOD  # three samples are left
+    assert u2 / u1 == pytest.approx(-2 * 0.01 / (ahead**2 + 0.01**2), rel=1e-9)
+
+
 def test_what_is_cut_keeps_its_arc() -> None:
     (u1, u2), _ = command_at(-0.2, 0.1, 0.0)
     (slow, turn), cut = command_at(-0.2, 0.1, 0.0, gain_1_s=100.0)

