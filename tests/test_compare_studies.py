@@ -92,6 +92,7 @@ def test_studies_tell_how_far_they_are() -> None:
         assert told == sorted(told)
         assert 0.0 < told[0] < 0.6  # the longest run goes first, and is no more than half of it
         assert told[-1] == 1.0
+        assert told[0] == pytest.approx(max(np.diff([0.0, *told])))
 
 
 def test_a_contribution_is_its_projection_on_the_total() -> None:
