@@ -157,6 +157,17 @@ def test_what_the_hitch_stores_and_burns_is_in_the_account() -> None:
     assert residuals.energy_lost_j[-1] == pytest.approx(plain.energy_lost_j[-1], rel=0.1)
 
 
+def test_dry_friction_is_in_the_account() -> None:
+    friction = 1e-3
+    run = run_contact(open_loop(*TURN, hitch={"coulomb_friction_n_m": friction}))
+    rate = run.trajectory.q_rate[:, 0]
+    sliding = np.abs(rate[:, 3] - rate[:, 2]) > 0.05
+    sliding &= np.roll(sliding, 1)  # through the whole period before
+    assert sliding.sum() > 10
+    # as without friction; a tenth of what would be missing
+    assert np.abs(Residuals.of(run).trailer_torque_n_m[sliding]).max() < 0.1 * friction
+
+
 def test_deviation_knows_ahead_from_aside() -> None:
     rows = replay_analytic(open_loop((0.5, 5.0, 5.0)), np.full((15, 2), 5.0))
     moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 from drawn import drawn, labels
+from matplotlib.axes import Axes
 
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.scenario.file import load_scenario
@@ -64,7 +66,17 @@ def test_paths_deviations_slip_and_residuals_are_drawn(
     assert {"turn", "angles [mrad]", "time [s]"} <= set(labels(tmp_path / "deviation.svg"))
 
 
-def test_bars_say_what_contributes(pair: Pair, tmp_path: Path) -> None:
+def test_bars_say_what_contributes(
+    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    widths: list[list[float]] = []
+    barh = Axes.barh
+
+    def spy(axes: Axes, names: list[str], width: list[float], **looks: Any) -> Any:
+        widths.append(width)
+        return barh(axes, names, width, **looks)
+
+    monkeypatch.setattr(Axes, "barh", spy)
     rows = [
         row("servo", 0.003, 0.75),
         row("rest", -1e-9, -2.5e-7),  # nothing, and no minus sign either
@@ -73,6 +85,7 @@ def test_bars_say_what_contributes(pair: Pair, tmp_path: Path) -> None:
     empty = [row("servo", 0.0, None), row("rest", 0.0, None), row("total", 0.0, None)]
     tables = {"position": rows, "theta2": empty}
     write_compare_figures(pair, tmp_path, "turn", attribution=SimpleNamespace(tables=tables))
+    assert widths == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
     texts = labels(tmp_path / "attribution.svg")
     assert "rms deviation of P [mm]" in texts
     assert "rms deviation of θ2 [mrad]" in texts

@@ -92,6 +92,7 @@ def test_studies_tell_how_far_they_are() -> None:
         assert told == sorted(told)
         assert 0.0 < told[0] < 0.6  # the longest run goes first, and is no more than half of it
         assert told[-1] == 1.0
+        assert told[0] == pytest.approx(max(np.diff([0.0, *told])))
 
 
 def test_a_contribution_is_its_projection_on_the_total() -> None:
@@ -239,6 +240,20 @@ def test_shooting_marches_where_newton_does_not_close_the_gaps(
     np.testing.assert_allclose(slope, same_slope, rtol=0, atol=1e-11)
 
 
+def test_rates_of_the_extended_plant_are_the_derivatives_of_its_state() -> None:
+    robot = open_loop(*BRISK).robot
+    model = ExtendedModel.of(robot, ExtendedParameters.expected(robot))
+    plant = ExtendedPlant(model, 1, 1e-4, 1e-4)
+    command = np.array([[5.6, 3.2]])
+    plant.advance(command, 2000)  # beyond the ramp
+    before = plant.state()
+    plant.advance(command, 1)
+    after = plant.state()
+    # trapezoidal rule over 0.1 ms: 1e-8·(third derivative, below 100)/12
+    mean = 0.5 * (before.q_rate + after.q_rate)
+    np.testing.assert_allclose((after.q - before.q) / 1e-4, mean, rtol=0, atol=1e-7)
+
+
 def test_dry_friction_locks_the_extended_hitch() -> None:
     scenario = open_loop(*BRISK)
     values = ExtendedParameters.expected(scenario.robot).model_dump()
@@ -287,6 +302,14 @@ def test_the_fit_finds_what_it_was_not_told_and_predicts_an_unseen_run() -> None
     assert estimates["hitch_damping_n_m_s_rad"].value == pytest.approx(2e-3, rel=0.05)
     assert estimates["hitch_coulomb_friction_n_m"].value == pytest.approx(5e-5, rel=0.1)
     assert min(found.validation.factor.values()) > 5.0
+    for name, estimate in estimates.items():
+        low, high = estimate.confidence_95
+        assert low <= estimate.value <= high, name
+    assert estimates["wheel_radius_m"].identified
+    low, high = estimates["wheel_radius_m"].confidence_95
+    assert high - estimates["wheel_radius_m"].value == pytest.approx(
+        estimates["wheel_radius_m"].value - low
+    )
 
 
 def test_the_fitted_model_predicts_the_lab_robot() -> None:

@@ -139,12 +139,7 @@ class ExtendedModel:
         ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate)
         push = self._push(ideal, self._theta2_acceleration(ideal))
         u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
-        reach = (
-            self._tail
-            * self.robot.trailer.com_offset_m
-            / self.swing_inertia_kg_m2
-            * (u1 - ideal.u1)
-        )
+        reach = self._tail / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
         theta2_rate = swing_rate - reach * np.sin(hitch)
         turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, theta2_rate=theta2_rate))
         turning += reach * np.cos(hitch) * (theta2_rate - u2)
