@@ -215,9 +215,11 @@ def test_halves_that_share_no_hitch_are_no_robot() -> None:
 def test_a_third_label_is_enough_and_a_fourth_is_preferred() -> None:
     layout = read_layout(model())
     points = layout.centres_m(np.array([0.1, 0.2, 0.3, 1.4]))[:, :2]
-    got = constellation.choose(Candidates(np.arange(3), np.zeros((3, 2))), points[:3], layout)
-    assert got is not None
-    assert got[1].tolist() == [0, 1, 2, -1]
+    for hidden in range(4):
+        label = np.delete(np.arange(4), hidden)
+        got = constellation.choose(Candidates(label, np.zeros((3, 2))), points[label], layout)
+        assert got is not None
+        assert got[1].tolist() == np.insert(np.arange(3), hidden, -1).tolist()
     # a stray front of the trailer, which fits as well but for a millimetre, comes first
     stray = np.vstack([points[:2], points[2] + [0.001, 0.0], points[2:]])
     label = np.array([0, 1, 2, 2, 3])
