@@ -77,12 +77,7 @@ EVERYTHING = {
     ),
     "track v.avi --calibration c.yaml --scenario a --frames 7 --out o --force --quiet --debug": (
         Track(
-            source="v.avi",
-            calibration=Path("c.yaml"),
-            scenario="a",
-            frames=7,
-            debug=True,
-            **FOLDER,
+            source="v.avi", calibration=Path("c.yaml"), scenario="a", frames=7, debug=True, **FOLDER
         )
     ),
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(

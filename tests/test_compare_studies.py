@@ -25,13 +25,7 @@ from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.fit.fit import fit, standard_deviation
-from ttwmr_mj.studies.compare.fit.shooting import (
-    DIFFERENCE,
-    MAX_STEP_S,
-    SCALE,
-    SCALES,
-    Shooting,
-)
+from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, MAX_STEP_S, SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
 from ttwmr_mj.studies.compare.variants import changed
 

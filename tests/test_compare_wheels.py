@@ -68,9 +68,7 @@ def by_adaptive_steps(run: ContactRun) -> FloatArray:
 
 
 @pytest.mark.parametrize(
-    "hitch",
-    [{}, {"damping_n_m_s_rad": 0.01, "stiffness_n_m_rad": 0.05}],
-    ids=["free", "sprung"],
+    "hitch", [{}, {"damping_n_m_s_rad": 0.01, "stiffness_n_m_rad": 0.05}], ids=["free", "sprung"]
 )
 def test_following_is_what_adaptive_steps_find(hitch: dict[str, float]) -> None:
     run = shaken(open_loop(*SHORT, hitch=hitch))

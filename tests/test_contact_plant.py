@@ -182,9 +182,7 @@ def test_reset_puts_the_robot_where_it_was_told_in_motion() -> None:
 
 
 @pytest.mark.parametrize(
-    ("turn", "hitch"),
-    [(0.0, 0.0), (0.7, np.pi / 2)],
-    ids=["straight", "circle"],
+    ("turn", "hitch"), [(0.0, 0.0), (0.7, np.pi / 2)], ids=["straight", "circle"]
 )
 def test_the_balls_roll_from_the_start(turn: float, hitch: float) -> None:
     """A steady motion of the model, entered in motion, has no jolt: the balls already roll."""

@@ -131,9 +131,7 @@ def test_a_spring_and_a_damper_demand_what_they_give() -> None:
     angle, rate = path.theta[:, 0] @ [-1.0, 1.0], path.theta_rate[:, 0] @ [-1.0, 1.0]
     for stiffness, damping, friction in ((0.02, 0.0, 0.0), (0.0, 0.05, 0.0), (0.02, 0.05, 0.004)):
         hitch = Hitch(
-            stiffness_n_m_rad=stiffness,
-            damping_n_m_s_rad=damping,
-            coulomb_friction_n_m=friction,
+            stiffness_n_m_rad=stiffness, damping_n_m_s_rad=damping, coulomb_friction_n_m=friction
         )
         check = check_feasibility(path, FAST.model_copy(update={"hitch": hitch}))["free trailer"]
         torque = np.abs(stiffness * angle + damping * rate)

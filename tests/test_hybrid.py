@@ -126,9 +126,7 @@ def swing_energy(
 
 
 @pytest.mark.parametrize("turn_rate", [0.5, -0.5])
-def test_free_trailer_keeps_its_swing_energy_at_constant_tractor_velocity(
-    turn_rate: float,
-) -> None:
+def test_free_trailer_keeps_its_swing_energy_at_constant_tractor_velocity(turn_rate: float) -> None:
     robot = RobotParameters(servo=Servo(preset="fast"))
     twist = np.array([[0.5, turn_rate]])
     outward = np.copysign(np.pi / 2, turn_rate)

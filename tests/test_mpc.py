@@ -53,8 +53,7 @@ def test_near_the_reference_it_is_the_lqr() -> None:
     errors = []
     for offset in (1e-3, 1e-4):
         near = load_scenario(
-            "outer_circle",
-            [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"],
+            "outer_circle", [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"]
         )
         mpc = first_command(near, MPC)
         lqr = first_command(near, TvlqrOptions(kind="tvlqr"))

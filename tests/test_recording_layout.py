@@ -93,10 +93,7 @@ def test_signals_are_logged_and_shown_without_knowing_the_law(tmp_path: Path) ->
     np.testing.assert_array_equal(read.values(gain, "Scalars:scalars"), 2.0)
     first = int(np.flatnonzero(run.time_s >= 1.0)[0])
     assert read.times_ns(gain, "Scalars:scalars")[0] == round(1e9 * PERIOD_S * first)
-    assert plots(path) == MOTION | {
-        entity[1:]: "lyapunov_v",
-        gain[1:]: "gain [1/s]",
-    }
+    assert plots(path) == MOTION | {entity[1:]: "lyapunov_v", gain[1:]: "gain [1/s]"}
 
 
 def test_a_law_that_logs_nothing_gets_no_tab(tmp_path: Path) -> None:

@@ -139,9 +139,7 @@ def test_importing_the_study_imports_no_matplotlib_sympy_or_mujoco() -> None:
 
 
 @pytest.fixture(scope="module")
-def whole(
-    tmp_path_factory: pytest.TempPathFactory,
-) -> Iterator[tuple[Path, dict[str, Judgement]]]:
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, dict[str, Judgement]]]:
     """Every run and study; without the camera, which takes half the time and has its own tests.
 
     Runs are a fifth shorter than the article's, and settle all the same. One run is recorded, so

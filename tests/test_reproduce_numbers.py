@@ -114,10 +114,7 @@ def test_solutions_in_continuous_time_are_told_apart_by_gamma() -> None:
     told = continuous("early", 0.5)
     exact, constant = told["continuous"]["cases"]
     constant |= {"end_time_s": 20.0, "v_share": [1.0, 0.3]}
-    told["continuous"]["cases"] += [
-        exact | {"end_time_s": 0.2},
-        constant | {"v_share": [1.0, 0.9]},
-    ]
+    told["continuous"]["cases"] += [exact | {"end_time_s": 0.2}, constant | {"v_share": [1.0, 0.9]}]
     values = FIGURES["continuous"].numbers.values(Told(told))
     assert list(values.values()) == [0.1, 0.2, 0.3, 0.9]
     assert judged("law-70", told).numbers["smallest_v_left_share"] == 0.3

@@ -23,10 +23,7 @@ angular_rate_rad_s = 0.125
 kind = "lyapunov"
 """
 SEGMENT = "{duration_s=1.0,wheel_right_rad_s=1.0,wheel_left_rad_s=1.0}"
-OPEN_LOOP = [
-    'reference={kind="none"}',
-    f'controller={{kind="open_loop",segments=[{SEGMENT}]}}',
-]
+OPEN_LOOP = ['reference={kind="none"}', f'controller={{kind="open_loop",segments=[{SEGMENT}]}}']
 PUSH = "plant.pushes=[{start_s=1.0,duration_s=0.1,force_n=[1.0,0.0]}]"
 ANALYTIC = "plant.kind=analytic"
 CAMERA = 'sensing={kind="camera"}'
@@ -43,7 +40,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["robot.tractor.mass_kg=0.061", "robot.tractor.com_offset_m=0.01"],
             "robot.tractor.mass_kg",
             "wheels and casters weigh 0.061 kg",
-        ),
+        )
     ],
     "_trailer_masses": [
         (
@@ -51,10 +48,10 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["robot.trailer.mass_kg=0.002"],
             "robot.trailer.mass_kg",
             "weigh 0.002 kg and leave nothing",
-        ),
+        )
     ],
     "_belief": [
-        ([], [BELIEVED, HITCHES[1]], "belief.robot.trailers", "got 2; allowed: as many as robot"),
+        ([], [BELIEVED, HITCHES[1]], "belief.robot.trailers", "got 2; allowed: as many as robot")
     ],
     "_open_loop": [
         (
@@ -126,7 +123,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
         ),
     ],
     "_one_period": [
-        (["duration_s=0.033"], ["duration_s=0.0329"], "duration_s", "one control period, 0.033"),
+        (["duration_s=0.033"], ["duration_s=0.0329"], "duration_s", "one control period, 0.033")
     ],
     "_reference": [
         (
@@ -134,7 +131,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ['reference={kind="planned",plan="rest_to_rest"}', "robot.trailer.mass_kg=0.5"],
             "reference.plan",
             "was made",
-        ),
+        )
     ],
     "_controller": [
         (
@@ -142,7 +139,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["controller.kind=tvlqr", "reference.theta2=none"],
             "reference.theta2",
             "got 'none'",
-        ),
+        )
     ],
 }
 CASES = [

@@ -111,10 +111,7 @@ kind = "lyapunow"
         ("seed=-1", "seed: got -1"),
         ("seed=1.5", "seed: got 1.5; allowed: a valid integer"),
         ("robot=3", "robot: got 3"),
-        (
-            "reference.kind=none",
-            "reference.kind: got 'none'; controller.kind = 'ly",
-        ),
+        ("reference.kind=none", "reference.kind: got 'none'; controller.kind = 'ly"),
         ("reference.centre_m=[0.0]", "reference.centre_m.1: missing"),
         ("schema_version=2", "schema_version: got 2; allowed: 1"),
     ],
@@ -152,11 +149,7 @@ FLATNESS, TVLQR = 'controller={kind="flatness"}', 'controller={kind="tvlqr"}'
             ["reference.theta2: got 'none'", "controller.theta2_reference"],
         ),
         ("outer_circle", [TVLQR, "reference.angular_rate_rad_s=0.0"], ["reference.kind: got 'fl"]),
-        (
-            "rest_to_rest",
-            ["reference.plan=nothing"],
-            ["plan: got 'nothing'; allowed: fig"],
-        ),
+        ("rest_to_rest", ["reference.plan=nothing"], ["plan: got 'nothing'; allowed: fig"]),
         (
             "rest_to_rest",
             ["robot.trailer.mass_kg=0.5"],
@@ -268,9 +261,7 @@ def test_servo_presets_fill_what_is_not_given() -> None:
         "reference": {"kind": "none"},
         "controller": {
             "kind": "open_loop",
-            "segments": [
-                {"duration_s": 1.0, "wheel_right_rad_s": 1.0, "wheel_left_rad_s": 1.0},
-            ],
+            "segments": [{"duration_s": 1.0, "wheel_right_rad_s": 1.0, "wheel_left_rad_s": 1.0}],
         },
     }
     servo = check_scenario(

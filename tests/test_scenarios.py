@@ -70,11 +70,7 @@ def test_a_batch_run_is_its_single_run() -> None:
     ("target", "reason", "rows"),
     [
         ("misbehaving:Runaway", "wheel speeds are not finite", 11),
-        (
-            "misbehaving:Broken",
-            "controller.command() raised ZeroDivisionError: of its own",
-            6,
-        ),
+        ("misbehaving:Broken", "controller.command() raised ZeroDivisionError: of its own", 6),
     ],
 )
 def test_a_broken_controller_ends_the_run_and_what_was_reached_is_kept(

@@ -72,9 +72,7 @@ def test_rest_to_rest_with_dry_friction_in_the_plan(law: str) -> None:
     """The plan that ships knows no friction; ignored, 1e-3 N·m leave it 29 mm off and more."""
     tractor_mm, trailer_mm, angle_deg = final_errors(
         drive(
-            "rest_to_rest",
-            f'controller={{kind="{law}"}}',
-            "robot.hitch.coulomb_friction_n_m=0.001",
+            "rest_to_rest", f'controller={{kind="{law}"}}', "robot.hitch.coulomb_friction_n_m=0.001"
         )
     )
     assert tractor_mm <= 8.0

@@ -13,12 +13,7 @@ from vision_scene import lab_calibration, model
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.studies.calibrate import calibrate_from_images
 from ttwmr_mj.vision.calibration.board import THICKNESS_M, BoardCamera, BoardView, find_board
-from ttwmr_mj.vision.calibration.calibrate import (
-    FLAT_POSES,
-    _flat_pose,
-    _held_poses,
-    calibrate,
-)
+from ttwmr_mj.vision.calibration.calibrate import FLAT_POSES, _flat_pose, _held_poses, calibrate
 from ttwmr_mj.vision.calibration.file import CONTENT, load_calibration, save_calibration
 from ttwmr_mj.vision.camera.model import hang_camera
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions

@@ -43,10 +43,5 @@ def random_pose(rng: np.random.Generator) -> FloatArray:
     radius, around = 0.43 * np.sqrt(rng.random()), rng.uniform(-np.pi, np.pi)
     theta1 = rng.uniform(-np.pi, np.pi)
     return np.array(
-        [
-            radius * np.cos(around),
-            radius * np.sin(around),
-            theta1,
-            theta1 + rng.uniform(-2.0, 2.0),
-        ]
+        [radius * np.cos(around), radius * np.sin(around), theta1, theta1 + rng.uniform(-2.0, 2.0)]
     )

@@ -3,8 +3,6 @@
 The names in `__all__` are what a script or a notebook needs; each is loaded when first asked for.
 """
 
-from __future__ import annotations
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

@@ -1,7 +1,5 @@
 """What a script or a notebook calls: simulate, run, compare. The package's root offers them."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from ttwmr_mj.runs.execute import Run, run_scenario

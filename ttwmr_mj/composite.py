@@ -4,8 +4,6 @@ MuJoCo wants the parts: chassis, wheels, balls. With the remainder computed here
 inertia of each composite equal Table I (or whatever a scenario sets instead).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ttwmr_mj.errors import InputError

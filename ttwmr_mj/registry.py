@@ -4,8 +4,6 @@ A law or a reference is found because its file is there. Another distribution ad
 entry point in the registry's group, whose value is the class.
 """
 
-from __future__ import annotations
-
 import importlib
 import inspect
 import operator

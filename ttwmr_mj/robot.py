@@ -4,8 +4,6 @@ Every model in this package, analytic or MuJoCo, is built from one `RobotParamet
 checked here, at the border; inside, they are trusted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -53,10 +51,7 @@ class Tractor(Config):
         default=0.119, gt=0, le=10, description="2b: distance between the wheels, Table I"
     )
     wheel_mass_kg: float = Field(
-        default=0.03,
-        gt=0,
-        le=100,
-        description="of one wheel, part of m1 (assumed)",
+        default=0.03, gt=0, le=100, description="of one wheel, part of m1 (assumed)"
     )
     wheel_half_width_m: float = Field(
         default=0.006, gt=0, le=1, description="half the width of a tyre (assumed)"
@@ -102,22 +97,13 @@ class Hitch(Config):
     """
 
     stiffness_n_m_rad: float = Field(
-        default=0.0,
-        ge=0,
-        le=1e4,
-        description="k_t: torsion spring, at rest when aligned",
+        default=0.0, ge=0, le=1e4, description="k_t: torsion spring, at rest when aligned"
     )
     damping_n_m_s_rad: float = Field(
-        default=0.0,
-        ge=0,
-        le=1e4,
-        description="c_t: damper and viscous friction; typically 0.001",
+        default=0.0, ge=0, le=1e4, description="c_t: damper and viscous friction; typically 0.001"
     )
     coulomb_friction_n_m: float = Field(
-        default=0.0,
-        ge=0,
-        le=1e3,
-        description="dry friction, whatever the rate; typically 0.001",
+        default=0.0, ge=0, le=1e3, description="dry friction, whatever the rate; typically 0.001"
     )
 
 

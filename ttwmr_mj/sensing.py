@@ -1,7 +1,5 @@
 """What the controller is told: an estimate with its age and validity."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace

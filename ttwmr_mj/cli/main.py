@@ -1,7 +1,5 @@
 """The command line: parse, call, print. Exit 0 done, 1 the run failed, 2 the input is wrong."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 import sys

@@ -1,7 +1,5 @@
 """A controller of the user's own, named `module:Class` in the scenario."""
 
-from __future__ import annotations
-
 import importlib
 import sys
 from pathlib import Path

@@ -34,8 +34,6 @@ drive (`transition`), and from its end the reference. Measured on contact physic
 circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: docs/controllers.md.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

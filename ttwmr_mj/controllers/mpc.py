@@ -25,8 +25,6 @@ overruns (`control_overruns` in metrics.json); the command is used all the same,
 not depend on the machine's load.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Wheel speeds from a list, whatever the robot does."""
 
-from __future__ import annotations
-
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np

@@ -11,8 +11,6 @@ curvature changes, P cuts corners by what the preview sees of it. Nothing here l
 and no stability is claimed.
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -20,8 +20,6 @@ robot's parameters name is cancelled while the hitch slides; stuck, it is a boun
 What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
 """
 
-from __future__ import annotations
-
 from typing import Any, ClassVar, Literal
 
 import numpy as np

@@ -13,8 +13,6 @@ Plane vectors are treated as complex numbers: with z = e^(L), the derivatives of
 follow from those of z by Leibniz' rule, and back. All functions work over leading axes.
 """
 
-from __future__ import annotations
-
 from math import comb
 from typing import NamedTuple
 

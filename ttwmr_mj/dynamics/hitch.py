@@ -4,8 +4,6 @@ The hitch angle is θ2 − θ1 and its rate θ̇2 − θ̇1. Every torque here a
 opposite on the tractor. All functions are elementwise over arrays of any shape.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.robot import Hitch, RobotParameters

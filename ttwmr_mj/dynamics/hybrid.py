@@ -5,8 +5,6 @@ z = (x, ẋ, y, ẏ, θ2, θ̇2) (..., 6); its input v = (ẍ, ÿ) (..., 2) is t
 (Eq. 27-28); a hitch torque T (...) [N·m] acts on the trailer.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import to_world
@@ -49,10 +47,7 @@ def z_from_q(q: FloatArray, q_rate: FloatArray) -> FloatArray:
 
 
 def z_rate(
-    z: FloatArray,
-    v: FloatArray,
-    robot: RobotParameters,
-    hitch_torque_n_m: FloatArray | float = 0.0,
+    z: FloatArray, v: FloatArray, robot: RobotParameters, hitch_torque_n_m: FloatArray | float = 0.0
 ) -> FloatArray:
     """ż (..., 6) (Eq. 29, with a hitch torque as in Eq. 42)."""
     theta2_acceleration = trailer_acceleration(z[..., 4], v, robot, hitch_torque_n_m)

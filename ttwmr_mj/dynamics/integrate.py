@@ -1,7 +1,5 @@
 """The one fixed-step integrator: classical Runge-Kutta of fourth order."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 from ttwmr_mj.state import FloatArray

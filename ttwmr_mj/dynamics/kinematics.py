@@ -5,8 +5,6 @@ are the generalized coordinates (x, y, θ1, θ2) (Eq. 2) and their rates, and wo
 is ξ̇ = (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s]; with more trailers, their angles follow.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.robot import RobotParameters

@@ -13,8 +13,6 @@ generalized coordinates and their rates, workspace_rate (..., 3) is ξ̇ = (ṡ,
 gives masses, inertias and offsets of Table I.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import constraint_matrix, null_space, null_space_rate

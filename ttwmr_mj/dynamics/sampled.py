@@ -15,8 +15,6 @@ drift, kick, drift: the kick is the *change of P's velocity*, n·ΔP'/k, exact h
 wheel speed may jump. Second order in the substep: with 8 ms and 4 rad/s, relative 4e-5.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -52,10 +52,7 @@ def save(figure: Figure, path: Path) -> Path:
 
 
 def write_figures(
-    drawings: Mapping[str, Draw],
-    folder: Path,
-    title: str,
-    size_in: tuple[float, float] = SIZE_IN,
+    drawings: Mapping[str, Draw], folder: Path, title: str, size_in: tuple[float, float] = SIZE_IN
 ) -> list[Path]:
     """Draw each as NAME.png and NAME.svg into a folder, made if missing; returns the files.
 

@@ -1,7 +1,5 @@
 """Colours, sizes and matplotlib settings with one meaning in every figure."""
 
-from __future__ import annotations
-
 from typing import Any
 
 INK = "#222222"

@@ -1,7 +1,5 @@
 """Make the shipped plans again: `python -m ttwmr_mj.planning [NAME ...] [--out DIR]`."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Callable
 from pathlib import Path

@@ -6,25 +6,12 @@ turn in no time; the plan lets F'' pass zero along a trailer that keeps its dire
 trailer over while F'' is small, whichever is cheaper.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ttwmr_mj.planning.transcription import (
-    RATE,
-    THETA1,
-    THETA2,
-    U1,
-    U2,
-    Limits,
-    Plan,
-    X,
-    Y,
-    solve,
-)
+from ttwmr_mj.planning.transcription import RATE, THETA1, THETA2, U1, U2, Limits, Plan, X, Y, solve
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 

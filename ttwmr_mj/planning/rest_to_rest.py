@@ -1,7 +1,5 @@
 """From parked to parked: both halves at rest and in line, at the start and at the end."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import casadi as ca

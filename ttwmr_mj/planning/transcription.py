@@ -9,8 +9,6 @@ derivative of P is continuous. The trailer swings by Eq. 24 and 27-28,
 Classical Runge-Kutta from knot to knot: with knots 50 ms apart, to 1e-6.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -5,8 +5,6 @@ an integral of known functions (three-point Gauss), and only the hitch angle a d
 equation (`plants.swing`).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import (

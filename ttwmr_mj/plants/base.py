@@ -1,7 +1,5 @@
 """What the closed loop asks of a plant: a state, and time that advances under a command."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """The robot in MuJoCo contact physics, a batch of simulations on `mujoco.batch.Batch`."""
 
-from __future__ import annotations
-
 import os
 from typing import NamedTuple
 

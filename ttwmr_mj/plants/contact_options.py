@@ -1,7 +1,5 @@
 """How contact physics is solved, and the floor: chosen by measurement (models/README.md)."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

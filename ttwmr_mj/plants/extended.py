@@ -1,7 +1,5 @@
 """The extended model as a plant: `dynamics.extended` integrated under wheel commands."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.dynamics.extended import ExtendedModel

@@ -4,8 +4,6 @@ The tractor is a free body whose frame sits at P, trailers hang on hinges whose 
 θ(i+1) − θi. The order within qpos and qvel is the model's own affair, so every place is looked up.
 """
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -1,18 +1,10 @@
 """XML and parameters make one MjModel, whose halves weigh exactly what the parameters say."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 
 from ttwmr_mj.assets import models_folder
-from ttwmr_mj.composite import (
-    Lump,
-    ball_inertia,
-    tractor_chassis,
-    trailer_chassis,
-    wheel_inertia,
-)
+from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.robot import RobotParameters

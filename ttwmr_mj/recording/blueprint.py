@@ -1,7 +1,5 @@
 """What a reviewer sees on opening a run: the robot on the left, the plots on the right."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

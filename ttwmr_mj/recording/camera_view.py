@@ -1,7 +1,5 @@
 """The camera's picture in a recording, with what the tracker looked for, found and believes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -27,10 +25,7 @@ CIRCLE: FloatArray = np.stack([np.cos(ANGLE), np.sin(ANGLE)], axis=-1)
 STATUS_LOOKS = {
     str(status): (label, colour)
     for status, label, colour in zip(
-        Status,
-        (" ", "blind", "lost"),
-        (style.ESTIMATE, style.REFERENCE, style.ALERT),
-        strict=True,
+        Status, (" ", "blind", "lost"), (style.ESTIMATE, style.REFERENCE, style.ALERT), strict=True
     )
 }
 # What never changes is said once: columns of colours cost more than the points. Lengths in px.
@@ -112,10 +107,7 @@ class CameraView:
             self._send(name, times_s, columns.partition([len(part) for part in points]))
 
     def _lines(
-        self,
-        name: str,
-        records: Sequence[CameraRecord],
-        draw: Callable[[CameraRecord], FloatArray],
+        self, name: str, records: Sequence[CameraRecord], draw: Callable[[CameraRecord], FloatArray]
     ) -> None:
         columns = rr.LineStrips2D.columns(strips=[draw(record) for record in records])
         self._send(name, [record.time_s for record in records], columns)

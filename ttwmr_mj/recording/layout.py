@@ -1,7 +1,5 @@
 """Pieces of a recording's layout that the run's and the studies' blueprints are put together of."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import rerun.blueprint as rrb

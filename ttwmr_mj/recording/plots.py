@@ -1,7 +1,5 @@
 """The plots of a run: which curves each shows, their names and colours, and their values."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

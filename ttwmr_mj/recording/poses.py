@@ -1,7 +1,5 @@
 """Where every body of the model is at the rows of a trajectory, by forward kinematics."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

@@ -1,7 +1,5 @@
 """An .rrd file as the recorders write it: opened, streamed to, and closed whatever happens."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Self
 from uuid import uuid4

@@ -1,7 +1,5 @@
 """The 3D scene: laboratory and robot once, then poses, paths and contact forces over time."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import mujoco

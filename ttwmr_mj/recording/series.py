@@ -1,7 +1,5 @@
 """Values and states over time: the one timeline, and how rows reach a recording chunk by chunk."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

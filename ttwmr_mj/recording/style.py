@@ -1,7 +1,5 @@
 """Colours with one meaning everywhere in a recording, as RGB."""
 
-from __future__ import annotations
-
 Colour = tuple[int, int, int]
 
 TRACTOR: Colour = (86, 180, 233)

@@ -1,7 +1,5 @@
 """Open a recording in the Rerun viewer."""
 
-from __future__ import annotations
-
 import subprocess
 import sysconfig
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A circle at constant angular rate."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

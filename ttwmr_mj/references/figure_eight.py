@@ -1,7 +1,5 @@
 """A figure eight: the 1:2 Lissajous curve."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

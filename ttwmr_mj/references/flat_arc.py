@@ -1,7 +1,5 @@
 """An arc of the trailer's centre of oscillation: slow at its ends, fast in its middle."""
 
-from __future__ import annotations
-
 from math import comb
 from typing import Annotated, Literal
 

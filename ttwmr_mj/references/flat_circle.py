@@ -1,7 +1,5 @@
 """A circle of the trailer's centre of oscillation at a constant rate."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """An ellipse of the trailer's centre of oscillation."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

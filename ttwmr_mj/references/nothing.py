@@ -1,7 +1,5 @@
 """No reference: open-loop experiments."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 from ttwmr_mj.references.shared.reference import Reference

@@ -1,7 +1,5 @@
 """References found by trajectory optimisation (`ttwmr_mj.planning`), shipped as tables of knots."""
 
-from __future__ import annotations
-
 import io
 from dataclasses import dataclass
 from importlib.resources import files

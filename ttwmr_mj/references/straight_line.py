@@ -1,7 +1,5 @@
 """A straight line without end."""
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A smooth curve through given points."""
 
-from __future__ import annotations
-
 from typing import Annotated, Literal
 
 import numpy as np

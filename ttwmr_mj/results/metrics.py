@@ -5,8 +5,6 @@ time. Angle errors are taken on the circle, in [−π, π): a trailer that has s
 where it pointed before.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Work beside the loop: what has been simulated is recorded while the simulation goes on."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -1,7 +1,5 @@
 """From a scenario's words to the objects of a run."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -5,8 +5,6 @@ waits and never computes has many times as long, counted in rings of a timer, wh
 while the process is stopped or gets no processor.
 """
 
-from __future__ import annotations
-
 import signal
 import threading
 from time import perf_counter, thread_time

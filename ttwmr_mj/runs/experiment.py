@@ -1,7 +1,5 @@
 """A scenario made ready to run, in memory."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

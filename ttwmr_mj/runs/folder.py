@@ -1,7 +1,5 @@
 """The files of a run: every one appears whole or not at all."""
 
-from __future__ import annotations
-
 import platform
 import shutil
 import subprocess

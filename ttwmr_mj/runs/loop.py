@@ -1,7 +1,5 @@
 """The sampled closed loop, while it runs: observe, command, record, advance."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterable

@@ -1,7 +1,5 @@
 """What this machine has, what is missing, and how to install it."""
 
-from __future__ import annotations
-
 import ctypes.util
 import os
 import platform

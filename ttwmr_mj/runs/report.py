@@ -1,7 +1,5 @@
 """A run in words: what was asked and how it ended, for the terminal and the recording."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from ttwmr_mj.scenario.schema import Scenario

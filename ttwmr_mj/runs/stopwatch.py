@@ -1,7 +1,5 @@
 """Where the wall time of a run goes."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from time import perf_counter
 

@@ -4,8 +4,6 @@ Each check names the parts of the scenario that it looks at. Of a faulty file, t
 parts have no fault of their own are made all the same, so that all faults come at once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from functools import partial
 from typing import NamedTuple

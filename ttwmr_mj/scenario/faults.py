@@ -1,7 +1,5 @@
 """Pydantic's errors in this project's words: which key, what was got, what is allowed."""
 
-from __future__ import annotations
-
 import difflib
 from functools import cache
 from typing import Any

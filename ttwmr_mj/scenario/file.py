@@ -1,7 +1,5 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
-from __future__ import annotations
-
 import copy
 import tomllib
 from pathlib import Path

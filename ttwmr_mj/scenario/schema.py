@@ -4,8 +4,6 @@ A scenario is a TOML file. Units stand in the names, unknown keys are errors, an
 out has a documented default. `ttwmr export-schema` prints the same as JSON Schema.
 """
 
-from __future__ import annotations
-
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, GetCoreSchemaHandler, GetPydanticSchema, field_validator

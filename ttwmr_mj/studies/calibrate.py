@@ -1,7 +1,5 @@
 """What `ttwmr calibrate` does: a board shown to a simulated or a real camera."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -4,8 +4,6 @@ The four labels are the keypoints of one category, "ttwmr". Beside each picture 
 8-bit PNG whose values are the classes of `camera.frame`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Frames of a video file or a camera's stream."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count

@@ -1,7 +1,5 @@
 """What a camera sensor saw in one control period, for recordings and exported frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ttwmr_mj.vision.camera.frame import Frame

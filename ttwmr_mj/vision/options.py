@@ -1,7 +1,5 @@
 """The scenario's table for sensing by camera."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator

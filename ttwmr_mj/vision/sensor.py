@@ -1,7 +1,5 @@
 """The camera as the loop's sensor: a frame every control period, and where the robot is in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial

@@ -1,7 +1,5 @@
 """What the loop knows of its camera, before the camera is put into the loop."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -13,8 +13,6 @@ that a sliding hitch lacks are unstable. There, what friction does beyond what i
 reference is fed forward as an extra θ̈2 (`acceleration`).
 """
 
-from __future__ import annotations
-
 from typing import Literal
 
 import numpy as np

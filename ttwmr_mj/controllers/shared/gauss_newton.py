@@ -3,8 +3,6 @@
 The cost beyond the last sample is ½zᵀHz with z = (x − x_ref, disturbance), 11 numbers.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The backward pass of a linear-quadratic tracking problem, for a batch of trajectories."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

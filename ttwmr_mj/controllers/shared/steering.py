@@ -1,7 +1,5 @@
 """What the laws that steer the trailer share: friction, observer, and the servos' limits."""
 
-from __future__ import annotations
-
 from typing import TypeVar
 
 import numpy as np

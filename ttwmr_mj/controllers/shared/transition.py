@@ -17,19 +17,12 @@ A start is recovered from, then, if one of the ways keeps the limits with room f
 the law that follows it stays within its own region. Where none does there is no promise.
 """
 
-from __future__ import annotations
-
 from math import comb, factorial
 
 import numpy as np
 from numpy.polynomial.polynomial import polyder, polymul
 
-from ttwmr_mj.dynamics.flatness import (
-    motion_from_flat,
-    point_behind,
-    trailer_axes,
-    velocity_behind,
-)
+from ttwmr_mj.dynamics.flatness import motion_from_flat, point_behind, trailer_axes, velocity_behind
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray

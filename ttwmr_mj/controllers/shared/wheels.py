@@ -8,8 +8,6 @@ is Eq. 27-28; at standstill it turns the robot on the spot, at the rate the serv
 robot never reverses: where w points backward it stops and turns.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command

@@ -16,8 +16,6 @@ does so in named spans of time. The checks, in order:
   through, only the flatness-based law cannot.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

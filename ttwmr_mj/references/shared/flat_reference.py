@@ -1,7 +1,5 @@
 """References a free trailer can follow: given as paths of its centre of oscillation F."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """A reference as the controllers see it: sampled once for the whole run."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

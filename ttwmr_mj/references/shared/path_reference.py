@@ -1,7 +1,5 @@
 """References of P: a geometric path travelled by a time law."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """What every reference is: options of a scenario that know the motion they describe."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from typing import Annotated, get_args
 

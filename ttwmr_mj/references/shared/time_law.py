@@ -1,7 +1,5 @@
 """How fast a reference travels along its path: constant rate, smooth start, smooth stop."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Runs the rows of a suite that are not there yet, several at a time."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from contextlib import closing

@@ -1,21 +1,12 @@
 """The leaderboard's files: Markdown, one page of HTML, Parquet."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_parquet, write_text
-from ttwmr_mj.studies.bench.scoring import (
-    COLUMNS,
-    LOST_CENTRE_M,
-    LOST_P_M,
-    RANKED_BY,
-    Board,
-    Line,
-)
+from ttwmr_mj.studies.bench.scoring import COLUMNS, LOST_CENTRE_M, LOST_P_M, RANKED_BY, Board, Line
 from ttwmr_mj.studies.bench.suite import AXES
 
 HEAD = ["controller", *COLUMNS, "failures"]

@@ -1,7 +1,5 @@
 """From run folders to lines of a ranking: scored from stored trajectories, nothing simulated."""
 
-from __future__ import annotations
-
 import json
 import math
 import statistics

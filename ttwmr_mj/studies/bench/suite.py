@@ -11,8 +11,6 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
     seeds = [0, 1]
 """
 
-from __future__ import annotations
-
 import itertools
 import shlex
 import tomllib

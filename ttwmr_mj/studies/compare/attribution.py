@@ -21,8 +21,6 @@ To make numbers of it, each is projected on the total: c = ⟨C, δ⟩/‖δ‖�
 column adds up to the total, exactly. A negative contribution works against the total.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -5,8 +5,6 @@ gain are those of the scenario divided by 2^j. Hitch and wheel shape stay. The o
 deviation falls, as (step)^p; what is left at a level is about (deviation of the level before)/2^p.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """What contact physics has and the ideal model has not, and how each is switched off."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any

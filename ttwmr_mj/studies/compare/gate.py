@@ -1,7 +1,5 @@
 """Tolerances that make a comparison pass or fail, for continuous integration."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Collection, Mapping

@@ -1,7 +1,5 @@
 """What the two plants did, on the same clock, and how each was driven."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

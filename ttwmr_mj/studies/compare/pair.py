@@ -1,7 +1,5 @@
 """The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal

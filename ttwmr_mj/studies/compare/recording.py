@@ -1,7 +1,5 @@
 """Both robots of a comparison in one scene, and how far they are apart below it."""
 
-from __future__ import annotations
-
 import copy
 from pathlib import Path
 

@@ -11,8 +11,6 @@ Gaps that close quadratically need few rounds, and those of numpy are as many as
 where marching from stretch to stretch costs them once for every stretch.
 """
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """One comparison from scenario to folder: what `ttwmr compare` does."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial

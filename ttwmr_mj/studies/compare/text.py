@@ -1,7 +1,5 @@
 """A comparison in words, for the terminal and the recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The same scenario with something else about it, and many such variants at once."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor

@@ -5,8 +5,6 @@ and module names in strings included. A module's digest is of its syntax tree wi
 comments and layout.
 """
 
-from __future__ import annotations
-
 import ast
 import hashlib
 from collections.abc import Callable, Iterable, Iterator

@@ -4,8 +4,6 @@ A run is made of its resolved scenario, the data files that names, the code that
 libraries. What a custom controller reads by itself is not known here.
 """
 
-from __future__ import annotations
-
 import hashlib
 import platform
 import sys
@@ -22,14 +20,7 @@ from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.pool.code import (
-    NAME,
-    PACKAGE,
-    Follows,
-    code_of,
-    follow_all,
-    module_file,
-)
+from ttwmr_mj.studies.pool.code import NAME, PACKAGE, Follows, code_of, follow_all, module_file
 
 Ingredients = dict[str, Any]  # "scenario", "data", "code", "libraries"
 LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless")

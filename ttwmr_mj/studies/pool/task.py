@@ -1,7 +1,5 @@
 """Work that is done once: a job, what its result is made of, and where that is written down."""
 
-from __future__ import annotations
-
 import json
 import math
 import shutil

@@ -1,7 +1,5 @@
 """What is wrong in the article, and what that changes (errata.toml); each with its proof."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from ttwmr_mj.studies.reproduce.words import read_toml

@@ -1,7 +1,5 @@
 """What was run, read back: the only way figures and claims look at results."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable
 from functools import cache

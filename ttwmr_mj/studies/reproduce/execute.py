@@ -1,7 +1,5 @@
 """The work of a reproduction: runs and studies, in parallel, and not a second time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path

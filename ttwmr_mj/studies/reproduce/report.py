@@ -1,7 +1,5 @@
 """report.html and claims.json: what a reader who has only the article can follow and re-run."""
 
-from __future__ import annotations
-
 import base64
 import re
 import shlex

@@ -4,8 +4,6 @@
 `ttwmr run runs/NAME/scenario.resolved.toml`.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The whole reproduction: run what is missing, draw, judge, report."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

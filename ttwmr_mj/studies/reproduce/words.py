@@ -1,7 +1,5 @@
 """Texts of this room's data files, and numbers put into them."""
 
-from __future__ import annotations
-
 import math
 import tomllib
 from collections.abc import Mapping

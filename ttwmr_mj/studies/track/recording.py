@@ -1,7 +1,5 @@
 """The recording of a tracked video: the annotated picture beside the poses."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """What `ttwmr track` does: from a video or camera to poses.parquet and track.rrd."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice

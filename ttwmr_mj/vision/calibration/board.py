@@ -1,7 +1,5 @@
 """The ChArUco board: its geometry, how it is found in an image, and frames that show it."""
 
-from __future__ import annotations
-
 from contextlib import suppress
 from typing import NamedTuple
 

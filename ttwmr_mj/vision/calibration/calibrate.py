@@ -6,8 +6,6 @@ it there average out noise. Where it lies elsewhere is solved along with the cam
 small board would leave loose in tilt.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import count

@@ -1,7 +1,5 @@
 """Calibrations as OpenCV FileStorage YAML: what cv2 and other tools read, checked on the way in."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """What happens to frames on their way: some never come, some come again, some come late."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """A camera frame, and what is true about it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

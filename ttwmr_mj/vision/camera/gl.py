@@ -5,8 +5,6 @@ itself fails. So backends are tried in processes of their own, nothing here sets
 this process, and runs without a camera never need it.
 """
 
-from __future__ import annotations
-
 import importlib
 import os
 import subprocess

@@ -1,7 +1,5 @@
 """The four labels: where they sit on the robot, how high, how large, which colour."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import get_args
 

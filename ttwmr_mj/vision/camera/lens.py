@@ -1,7 +1,5 @@
 """From the ideal picture plane to what falls on the sensor: distortion, pixel area, defocus."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 from numpy.typing import NDArray

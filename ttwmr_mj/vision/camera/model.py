@@ -4,8 +4,6 @@ OpenCV's conventions: the camera's x is right, y down, z along the optical axis;
 first pixel is (0, 0); distortion is Brown-Conrady (k1, k2, p1, p2, k3).
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """From light to numbers: drifting gains, shot and read noise, eight bits."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

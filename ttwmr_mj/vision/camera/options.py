@@ -3,8 +3,6 @@
 Light is a share of the sensor's full scale, so 0.02 of noise is 2 %, or 5 of 255 grey levels.
 """
 
-from __future__ import annotations
-
 from typing import Annotated, Literal, TypeVar
 
 from pydantic import Field

@@ -1,7 +1,5 @@
 """What lies between camera and floor: occluders and glare."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -1,7 +1,5 @@
 """The robot's posture in the camera's own model: q or joints, and where they were a moment ago."""
 
-from __future__ import annotations
-
 import mujoco
 import numpy as np
 

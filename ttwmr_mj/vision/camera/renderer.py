@@ -5,8 +5,6 @@ optical axis. Only the region asked for is rendered, through an off-axis frustum
 same bits as that part of a whole picture: a robot costs a sixth of a frame.
 """
 
-from __future__ import annotations
-
 import weakref
 from collections.abc import Sequence
 from typing import Any

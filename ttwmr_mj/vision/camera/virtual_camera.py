@@ -1,7 +1,5 @@
 """The simulated camera: a robot's posture becomes a frame with its truth."""
 
-from __future__ import annotations
-
 from copy import copy
 
 import mujoco

@@ -1,7 +1,5 @@
 """What the wheels were told, as the tracker remembers it: a piecewise linear speed over time."""
 
-from __future__ import annotations
-
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from itertools import pairwise

@@ -3,8 +3,6 @@
 A stray disc of a label's colour passes every test of colour and size; distances it fails.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from itertools import islice, product
 

@@ -5,8 +5,6 @@ response to a label is its colour projected on that hue: linear in light, zero f
 that a centroid weighted by it is unbiased whatever grey surrounds the label.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -1,7 +1,5 @@
 """What the tracker answers: what came of a frame, and where the robot is."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from enum import StrEnum
 

@@ -3,8 +3,6 @@
 Both halves share P in the measurement's equations, so the hitch constraint holds by construction.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from ttwmr_mj.state import BoolArray, FloatArray

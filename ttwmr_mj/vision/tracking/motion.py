@@ -5,8 +5,6 @@ plus deviations δ1 [m/s], δ2 [rad/s] of the true twist from it, which decay an
 (slip, servo error). Without commands the deviations are all the twist there is.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass

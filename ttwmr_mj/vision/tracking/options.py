@@ -1,7 +1,5 @@
 """How the tracker weighs what it sees against what the wheels were told."""
 
-from __future__ import annotations
-
 from typing import Annotated
 
 from pydantic import Field

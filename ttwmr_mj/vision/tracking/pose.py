@@ -4,8 +4,6 @@ Least squares over x, y, θ1, θ2 with the labels' places on the halves as known
 half and one of the other are enough.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ now over the commands given since. Both halves share P in the measurement model,
 constraint holds by construction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

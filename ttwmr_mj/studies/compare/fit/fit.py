@@ -9,8 +9,6 @@ numbers lead to expect decides.
 MuJoCo, and here the model is not MuJoCo's. `shooting` gives the run and its derivatives.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import asdict, dataclass, replace
 from typing import Any

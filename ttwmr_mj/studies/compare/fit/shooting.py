@@ -1,7 +1,5 @@
 """A run of the extended model and its derivatives by the parameters, by multiple shooting."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -7,8 +7,6 @@ T/(m2·l·R·ω²), and above m2·l·R·ω² it holds it straight behind the tra
 torque at rest, so it never does.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

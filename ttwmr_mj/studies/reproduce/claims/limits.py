@@ -1,7 +1,5 @@
 """The limits of all rules, fixed before any run. Errors are rms values over a run's second half."""
 
-from __future__ import annotations
-
 TRACTOR_FOLLOWS_M = 0.010  # P: a fifteenth of the robot's length
 TRAILER_FOLLOWS_M = 0.020  # the trailer's COM, which also takes the tractor's error
 SWINGS_RAD = 0.2  # peak to peak of the hitch angle

@@ -1,7 +1,5 @@
 """Every figure of the report (figures.toml): what it shows, and what the article reports of it."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

@@ -6,8 +6,6 @@ the sign of A − k·w, one side of c = 0 runs into it like a square root of tim
 the printed law goes on.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -8,8 +8,6 @@ both sides of it the term drives e2 back to zero: in Filippov's sense the soluti
 e2 = 0, that is, the error stands still.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

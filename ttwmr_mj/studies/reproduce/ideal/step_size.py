@@ -5,8 +5,6 @@ every step and held in between. As printed, and with |v1|, |v2| cut to what tyre
 that every real robot has, and that makes the laws' limit for small steps visible.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

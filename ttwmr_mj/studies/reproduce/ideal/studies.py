@@ -1,7 +1,5 @@
 """The computations of the reproduction that are no runs of a plant, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """Proofs about the laws: Eq. 32-36, 48-61, 64-68."""
 
-from __future__ import annotations
-
 from typing import Any
 
 import sympy as sp

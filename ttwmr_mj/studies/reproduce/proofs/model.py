@@ -1,7 +1,5 @@
 """Proofs about the model: Eq. 11-29, 38-43, and where a free trailer is in equilibrium."""
 
-from __future__ import annotations
-
 import sympy as sp
 
 from ttwmr_mj.studies.reproduce.proofs.proof import Proof, vanish
@@ -87,10 +85,7 @@ def circle_equilibrium() -> Proof:
     """A free trailer on a circle points outward; aligned is no equilibrium."""
     radius, rate, k = sp.symbols("R omega k", positive=True)
     t, phi = sp.symbols("t phi", real=True)
-    ax, ay = (
-        -radius * rate**2 * sp.cos(rate * t),
-        -radius * rate**2 * sp.sin(rate * t),
-    )
+    ax, ay = (-radius * rate**2 * sp.cos(rate * t), -radius * rate**2 * sp.sin(rate * t))
     theta2 = phi + rate * t
     acc = (-ax * sp.sin(theta2) + ay * sp.cos(theta2)) / k
     expected = radius * rate**2 * sp.sin(phi) / k
@@ -99,8 +94,5 @@ def circle_equilibrium() -> Proof:
     aligned = expected.subs(phi, sp.pi / 2)
     return Proof(
         vanish(sp.expand_trig(acc) - sp.expand_trig(expected)) and bool(stable) and aligned != 0,
-        [
-            ("acceleration of φ = θ2 − ωt", expected),
-            ("aligned, φ = π/2, it is not zero", aligned),
-        ],
+        [("acceleration of φ = θ2 − ωt", expected), ("aligned, φ = π/2, it is not zero", aligned)],
     )

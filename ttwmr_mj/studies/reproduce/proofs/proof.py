@@ -1,7 +1,5 @@
 """What a proof by sympy is; only `proofs.all_proofs` imports this, as sympy is optional."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 
