@@ -242,7 +242,7 @@ class RobotParameters(Config):
             ValidationError: a value is refused.
         """
         given = self.model_validate(changes).model_dump(exclude_unset=True)
-        return self.model_validate(_merged(_as_lists(self.model_dump()), given))
+        return self.model_validate(merged(_as_lists(self.model_dump()), given))
 
     @model_validator(mode="before")
     @classmethod
@@ -290,19 +290,19 @@ def _as_lists(given: dict[str, Any]) -> dict[str, Any]:
             continue
         value, entries = lists.pop(first), lists.get(name, ())
         if isinstance(entries, list | tuple):  # else its own fault is enough
-            lists[name] = [_merged(entries[0], value) if entries else value, *entries[1:]]
+            lists[name] = [merged(entries[0], value) if entries else value, *entries[1:]]
     return lists
 
 
-def _merged(under: Any, over: Any) -> Any:
+def merged(under: Any, over: Any) -> Any:
     """Tables merged key by key, lists of tables of one length entry by entry; else `over`."""
     match under, over:
         case BaseModel(), dict():
-            return _merged(under.model_dump(), over)
+            return merged(under.model_dump(), over)
         case dict(), dict():
-            return under | {key: _merged(under.get(key), over[key]) for key in over}
+            return under | {key: merged(under.get(key), over[key]) for key in over}
         case (list() | tuple(), list() | tuple()) if len(under) == len(over):
-            return [_merged(*pair) for pair in zip(under, over, strict=True)]
+            return [merged(*pair) for pair in zip(under, over, strict=True)]
     return over
 
 

@@ -10,6 +10,7 @@ from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
@@ -56,7 +57,7 @@ def load_scenario(
     path = find_scenario(name_or_path)
     data = _read(path)
     if fragment is not None:
-        _merge(data, _read(fragment))
+        data = merged(data, _read(fragment))
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
@@ -69,15 +70,6 @@ def _read(path: Path) -> dict[str, Any]:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InputError(f"{path}: cannot be read as TOML: {error}") from error
-
-
-def _merge(data: dict[str, Any], given: dict[str, Any]) -> None:
-    """Put given values into plain data, in place, table by table."""
-    for key, value in given.items():
-        if isinstance(value, dict) and isinstance(data.get(key), dict):
-            _merge(data[key], value)
-        else:
-            data[key] = value
 
 
 def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> Scenario:

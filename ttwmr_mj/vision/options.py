@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ttwmr_mj.files import input_file
-from ttwmr_mj.robot import Config
+from ttwmr_mj.robot import Config, merged
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -41,11 +41,4 @@ class CameraSensing(Config):
         if not isinstance(given, dict) or given.get("preset", "lab") not in PRESETS:
             return given
         base = PRESETS[given.get("preset", "lab")].model_dump()
-        return {**given, "camera": _merge(base, given.get("camera", {}))}
-
-
-def _merge(base: Any, given: Any) -> Any:
-    """`base` with the given values put in, table by table."""
-    if not (isinstance(base, dict) and isinstance(given, dict)):
-        return given
-    return base | {key: _merge(base.get(key), value) for key, value in given.items()}
+        return {**given, "camera": merged(base, given.get("camera", {}))}
