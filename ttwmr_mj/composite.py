@@ -12,19 +12,12 @@ from ttwmr_mj.robot import RobotParameters
 
 @dataclass(frozen=True, slots=True)
 class Lump:
-    """A rigid part seen from above.
+    """A rigid part seen from above."""
 
-    Attributes:
-        mass_kg: its mass.
-        x_m: of its COM, along the long axis.
-        yaw_inertia_kg_m2: about its own COM.
-        aside_m: distance of its COM from that axis.
-    """
-
-    mass_kg: float
-    x_m: float
-    yaw_inertia_kg_m2: float
-    aside_m: float = 0.0
+    mass_kg: float  # its mass
+    x_m: float  # of its COM, along the long axis
+    yaw_inertia_kg_m2: float  # about its own COM
+    aside_m: float = 0.0  # distance of its COM from that axis
 
 
 def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:

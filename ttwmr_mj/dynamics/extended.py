@@ -99,17 +99,11 @@ class _Motion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class ExtendedModel:
-    """The equations of motion.
+    """The equations of motion."""
 
-    Attributes:
-        robot: Table I, spring, geometry of the balls.
-        values: parameter name of `ExtendedParameters` → number or (nsim,).
-        physics_step_s: the one parameter that is the same for all simulations.
-    """
-
-    robot: RobotParameters
-    values: dict[str, Value]
-    physics_step_s: float
+    robot: RobotParameters  # Table I, spring, geometry of the balls
+    values: dict[str, Value]  # parameter name of `ExtendedParameters` → number or (nsim,)
+    physics_step_s: float  # the one parameter that is the same for all simulations
 
     @classmethod
     def of(cls, robot: RobotParameters, parameters: ExtendedParameters) -> ExtendedModel:

@@ -52,17 +52,11 @@ class Limits:
 
 @dataclass(frozen=True)
 class Plan:
-    """A solution at its knots.
+    """A solution at its knots."""
 
-    Attributes:
-        time_s: (n,).
-        state: (n, 9).
-        iterations: of the solver.
-    """
-
-    time_s: FloatArray
-    state: FloatArray
-    iterations: int
+    time_s: FloatArray  # (n,)
+    state: FloatArray  # (n, 9)
+    iterations: int  # of the solver
 
 
 def rate_of(state: Any, jerk: Any, robot: RobotParameters) -> Any:

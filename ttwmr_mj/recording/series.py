@@ -19,19 +19,12 @@ def time_column(time_s: FloatArray) -> rr.TimeColumn:
 
 @dataclass(frozen=True, slots=True)
 class Series:
-    """Curves of one entity, defined or undefined together.
+    """Curves of one entity, defined or undefined together."""
 
-    Attributes:
-        names: one per curve, as the legend says.
-        colours: one per curve.
-        width: of the lines, in points on the screen.
-        stepped: values hold until the next row.
-    """
-
-    names: tuple[str, ...]
-    colours: tuple[Colour, ...]
-    width: float = 2.0
-    stepped: bool = False
+    names: tuple[str, ...]  # one per curve, as the legend says
+    colours: tuple[Colour, ...]  # one per curve
+    width: float = 2.0  # of the lines, in points on the screen
+    stepped: bool = False  # values hold until the next row
 
 
 class SeriesLog:

@@ -35,19 +35,12 @@ def shipped_plans() -> list[str]:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """P and both angles at knots.
+    """P and both angles at knots."""
 
-    Attributes:
-        time_s: (n,) rising from zero.
-        q: (n, 4) x, y, θ1, θ2 there, angles unwrapped.
-        swing_length_m: of the trailer it was made for.
-        periodic: it ends where it began, in motion, and goes round; else it ends at rest.
-    """
-
-    time_s: FloatArray
-    q: FloatArray
-    swing_length_m: float
-    periodic: bool
+    time_s: FloatArray  # (n,) rising from zero
+    q: FloatArray  # (n, 4) x, y, θ1, θ2 there, angles unwrapped
+    swing_length_m: float  # of the trailer it was made for
+    periodic: bool  # it ends where it began, in motion, and goes round; else it ends at rest
 
     @classmethod
     def read(cls, name: str) -> Self:

@@ -45,24 +45,15 @@ LEAST_ACCELERATION_M_S2 = 1e-3
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One requirement along a reference.
+    """One requirement along a reference."""
 
-    Attributes:
-        name: what is required.
-        unit: of the values.
-        worst: the largest value, at `worst_time_s`; NaN where the reference defines none.
-        limit: its bound.
-        spans_s: (start, end) of every stretch of time over the bound.
-        binding: whether breaking it makes the reference infeasible.
-    """
-
-    name: str
-    unit: str
-    worst: float
+    name: str  # what is required
+    unit: str  # of the values
+    worst: float  # the largest value, at `worst_time_s`; NaN where the reference defines none
     worst_time_s: float
-    limit: float
-    spans_s: tuple[tuple[float, float], ...]
-    binding: bool = True
+    limit: float  # its bound
+    spans_s: tuple[tuple[float, float], ...]  # (start, end) of every stretch of time over the bound
+    binding: bool = True  # whether breaking it makes the reference infeasible
 
     @property
     def kept(self) -> bool:

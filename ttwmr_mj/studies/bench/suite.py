@@ -81,19 +81,12 @@ class Suite(Config):
 
 @dataclass(frozen=True, slots=True)
 class SuiteRow:
-    """One run of a suite.
+    """One run of a suite."""
 
-    Attributes:
-        names: axis → name of the choice.
-        seed: of the run.
-        scenario: shipped name or path.
-        overrides: everything that is set.
-    """
-
-    names: Mapping[str, str]
-    seed: int
-    scenario: str
-    overrides: Overrides
+    names: Mapping[str, str]  # axis → name of the choice
+    seed: int  # of the run
+    scenario: str  # shipped name or path
+    overrides: Overrides  # everything that is set
 
     @property
     def key(self) -> str:

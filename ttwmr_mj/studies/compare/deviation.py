@@ -23,18 +23,12 @@ class Deviation:
 
     Angles are unwrapped on both sides and differ by what they turned: a trailer that spun once
     around on one plant only deviates by 2π.
-
-    Attributes:
-        time_s: (n,).
-        q: (n, 4) difference of x, y [m], θ1, θ2 [rad].
-        path_m: (n,) length of the analytic model's path so far.
-        heading_rad: (n,) θ1 of the analytic model, to tell ahead from aside.
     """
 
-    time_s: FloatArray
-    q: FloatArray
-    path_m: FloatArray
-    heading_rad: FloatArray
+    time_s: FloatArray  # (n,)
+    q: FloatArray  # (n, 4) difference of x, y [m], θ1, θ2 [rad]
+    path_m: FloatArray  # (n,) length of the analytic model's path so far
+    heading_rad: FloatArray  # (n,) θ1 of the analytic model, to tell ahead from aside
 
     @classmethod
     def between(cls, contact: Trajectory, analytic: Trajectory) -> Deviation:

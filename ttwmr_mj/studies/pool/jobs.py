@@ -28,19 +28,12 @@ LEAVE_S = 1.0  # a process that has answered is given this long to end, threads 
 
 @dataclass(frozen=True, slots=True)
 class Job:
-    """One piece of work.
+    """One piece of work."""
 
-    Attributes:
-        name: for whoever reads the events.
-        call: a function that can be imported by its name.
-        arguments: of `call`; they and its result can be pickled.
-        timeout_s: wall time after which the job's process is killed.
-    """
-
-    name: str
-    call: Callable[..., Any]
-    arguments: tuple[Any, ...] = ()
-    timeout_s: float = math.inf
+    name: str  # for whoever reads the events
+    call: Callable[..., Any]  # a function that can be imported by its name
+    arguments: tuple[Any, ...] = ()  # of `call`; they and its result can be pickled
+    timeout_s: float = math.inf  # wall time after which the job's process is killed
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,17 +46,11 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """A job that raised, died or took too long.
+    """A job that raised, died or took too long."""
 
-    Attributes:
-        job: which.
-        reason: in words; a traceback for what nobody raised on purpose. The last line says it.
-        error: what it raised, if that was raised on purpose.
-    """
-
-    job: Job
-    reason: str
-    error: TtwmrError | None = None
+    job: Job  # which
+    reason: str  # in words; a traceback for what nobody raised on purpose. The last line says it.
+    error: TtwmrError | None = None  # what it raised, if that was raised on purpose
 
 
 Event = Done | Failed

@@ -7,21 +7,13 @@ from ttwmr_mj.studies.reproduce.words import read_toml
 
 @dataclass(frozen=True, slots=True)
 class Erratum:
-    """One error.
+    """One error."""
 
-    Attributes:
-        where: equation or theorem.
-        printed: what stands there.
-        correct: what follows from the article's own premises.
-        consequence: what depends on it, and what this package does.
-        proof: name of one of `proofs.all_proofs`.
-    """
-
-    where: str
-    printed: str
-    correct: str
-    consequence: str
-    proof: str
+    where: str  # equation or theorem
+    printed: str  # what stands there
+    correct: str  # what follows from the article's own premises
+    consequence: str  # what depends on it, and what this package does
+    proof: str  # name of one of `proofs.all_proofs`
 
 
 ERRATA = tuple(Erratum(**entry) for entry in read_toml(__package__, "errata.toml")["erratum"])

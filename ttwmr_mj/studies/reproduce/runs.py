@@ -17,19 +17,12 @@ from ttwmr_mj.studies.reproduce.words import read_toml
 
 @dataclass(frozen=True, slots=True)
 class RunSpec:
-    """One run.
+    """One run."""
 
-    Attributes:
-        name: of its folder under runs/.
-        base: the shipped scenario.
-        overrides: `key.path=value`, as on the command line.
-        recording: whether it leaves a run.rrd.
-    """
-
-    name: str
-    base: str
-    overrides: tuple[str, ...]
-    recording: bool = True
+    name: str  # of its folder under runs/
+    base: str  # the shipped scenario
+    overrides: tuple[str, ...]  # `key.path=value`, as on the command line
+    recording: bool = True  # whether it leaves a run.rrd
 
     def scenario(self) -> Scenario:
         """The scenario, checked."""

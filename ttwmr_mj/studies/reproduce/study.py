@@ -17,19 +17,12 @@ from ttwmr_mj.studies.reproduce.runs import RUNS
 
 @dataclass(frozen=True, slots=True)
 class Reproduction:
-    """What a reproduction left behind.
+    """What a reproduction left behind."""
 
-    Attributes:
-        report: the HTML file.
-        judgements: verdicts by claim; empty when only figures were asked for.
-        failures: what could not be run, with the reason.
-        runs_failed: whether that is more than a study that lacks its library.
-    """
-
-    report: Path
-    judgements: dict[str, Judgement]
-    failures: dict[str, str]
-    runs_failed: bool
+    report: Path  # the HTML file
+    judgements: dict[str, Judgement]  # verdicts by claim; empty when only figures were asked for
+    failures: dict[str, str]  # what could not be run, with the reason
+    runs_failed: bool  # whether that is more than a study that lacks its library
 
 
 def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) -> Reproduction:

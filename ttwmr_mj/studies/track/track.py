@@ -27,17 +27,11 @@ STD_NAMES = ("x_std_m", "y_std_m", "theta1_std_rad", "theta2_std_rad")
 
 @dataclass(frozen=True, slots=True)
 class Track:
-    """What tracking left behind.
+    """What tracking left behind."""
 
-    Attributes:
-        folder: with poses.parquet and track.rrd.
-        frames: number of frames.
-        tracked: in how many of them the robot was found and the estimate valid.
-    """
-
-    folder: Path
-    frames: int
-    tracked: int
+    folder: Path  # with poses.parquet and track.rrd
+    frames: int  # number of frames
+    tracked: int  # in how many of them the robot was found and the estimate valid
 
 
 def track(

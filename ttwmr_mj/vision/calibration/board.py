@@ -34,15 +34,10 @@ SIZE_M: FloatArray = SQUARE_M * np.array(SQUARES)
 
 
 class BoardView(NamedTuple):
-    """The corners of the board seen in one image.
+    """The corners of the board seen in one image."""
 
-    Attributes:
-        points_m: (n, 2) x right and y up on the board from its middle, seen from above.
-        pixels: (n, 2) column, row.
-    """
-
-    points_m: FloatArray
-    pixels: FloatArray
+    points_m: FloatArray  # (n, 2) x right and y up on the board from its middle, seen from above
+    pixels: FloatArray  # (n, 2) column, row
 
 
 def find_board(image: Image) -> BoardView | None:

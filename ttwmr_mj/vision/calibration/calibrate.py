@@ -41,19 +41,12 @@ Pose = tuple[FloatArray, FloatArray]  # position (3,) of a board's face and its 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """What the loop knows about its camera.
+    """What the loop knows about its camera."""
 
-    Attributes:
-        camera: geometry, distortion and pose.
-        reprojection_rms_px: how well the board's corners are explained, intrinsics.
-        floor_rms_px: the same for the flat views and the camera's place.
-        views: number of views with a board.
-    """
-
-    camera: CameraModel
-    reprojection_rms_px: float
-    floor_rms_px: float
-    views: int
+    camera: CameraModel  # geometry, distortion and pose
+    reprojection_rms_px: float  # how well the board's corners are explained, intrinsics
+    floor_rms_px: float  # the same for the flat views and the camera's place
+    views: int  # number of views with a board
 
 
 def calibrate(

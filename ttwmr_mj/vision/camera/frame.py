@@ -35,14 +35,8 @@ class FrameTruth:
 
 @dataclass(frozen=True, slots=True)
 class Frame:
-    """One picture.
+    """One picture."""
 
-    Attributes:
-        image: (rows, columns, 3) blue, green, red.
-        time_s: middle of the exposure.
-        truth: None for a real camera's frame.
-    """
-
-    image: Image
-    time_s: float
-    truth: FrameTruth | None
+    image: Image  # (rows, columns, 3) blue, green, red
+    time_s: float  # middle of the exposure
+    truth: FrameTruth | None  # None for a real camera's frame

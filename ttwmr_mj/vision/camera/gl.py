@@ -29,17 +29,11 @@ context.free()
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """One backend's test.
+    """One backend's test."""
 
-    Attributes:
-        backend: value for MUJOCO_GL.
-        renderer: what draws, as OpenGL names it; None when the backend does not work.
-        fault: the last line of the failure; empty when it works.
-    """
-
-    backend: str
-    renderer: str | None
-    fault: str
+    backend: str  # value for MUJOCO_GL
+    renderer: str | None  # what draws, as OpenGL names it; None when the backend does not work
+    fault: str  # the last line of the failure; empty when it works
 
 
 @cache

@@ -21,25 +21,15 @@ _UNIT = np.eye(3)
 
 @dataclass(frozen=True, slots=True)
 class CameraModel:
-    """Intrinsics, distortion and pose of one camera.
+    """Intrinsics, distortion and pose of one camera."""
 
-    Attributes:
-        width_px: columns of the picture.
-        height_px: rows of the picture.
-        focal_px: (2,) fx, fy.
-        principal_px: (2,) where the optical axis meets the picture.
-        distortion: (5,) k1, k2, p1, p2, k3.
-        rotation: (3, 3) from world to camera axes.
-        position_m: (3,) of the optical centre in the world.
-    """
-
-    width_px: int
-    height_px: int
-    focal_px: FloatArray
-    principal_px: FloatArray
-    distortion: FloatArray
-    rotation: FloatArray
-    position_m: FloatArray
+    width_px: int  # columns of the picture
+    height_px: int  # rows of the picture
+    focal_px: FloatArray  # (2,) fx, fy
+    principal_px: FloatArray  # (2,) where the optical axis meets the picture
+    distortion: FloatArray  # (5,) k1, k2, p1, p2, k3
+    rotation: FloatArray  # (3, 3) from world to camera axes
+    position_m: FloatArray  # (3,) of the optical centre in the world
 
     @property
     def matrix(self) -> FloatArray:

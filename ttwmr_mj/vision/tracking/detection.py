@@ -39,15 +39,10 @@ FAR = -1e6  # column of a region that does not exist
 
 @dataclass(frozen=True, slots=True)
 class Candidates:
-    """Blobs that look like labels, n of them.
+    """Blobs that look like labels, n of them."""
 
-    Attributes:
-        label: (n,) which of the four, by colour.
-        centre_px: (n, 2) column, row.
-    """
-
-    label: NDArray[np.intp]
-    centre_px: FloatArray
+    label: NDArray[np.intp]  # (n,) which of the four, by colour
+    centre_px: FloatArray  # (n, 2) column, row
 
 
 class Detector:

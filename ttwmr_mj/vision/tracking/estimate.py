@@ -44,22 +44,12 @@ class Sighting:
 
 @dataclass(frozen=True, slots=True)
 class TrackEstimate:
-    """The tracker's answer for one instant.
+    """The tracker's answer for one instant."""
 
-    Attributes:
-        q: (4,) x, y, θ1, θ2, angles unwrapped.
-        q_rate: (4,) their rates.
-        covariance: (4, 4) of q.
-        valid: False while lost, or too uncertain.
-        status: tracked, blind or lost.
-        measurement_age_s: since the last frame with labels; infinite before the first.
-        labels: used in the newest frame; 0 when none has come.
-    """
-
-    q: FloatArray
-    q_rate: FloatArray
-    covariance: FloatArray
-    valid: bool
-    status: Status
-    measurement_age_s: float
-    labels: int
+    q: FloatArray  # (4,) x, y, θ1, θ2, angles unwrapped
+    q_rate: FloatArray  # (4,) their rates
+    covariance: FloatArray  # (4, 4) of q
+    valid: bool  # False while lost, or too uncertain
+    status: Status  # tracked, blind or lost
+    measurement_age_s: float  # since the last frame with labels; infinite before the first
+    labels: int  # used in the newest frame; 0 when none has come

@@ -33,17 +33,11 @@ State = tuple[float, ...]  # the seven numbers of `Gaussian.mean`; faster than a
 
 @dataclass(frozen=True, slots=True)
 class Gaussian:
-    """A normal distribution of the state.
+    """A normal distribution of the state."""
 
-    Attributes:
-        time_s: when.
-        mean: (7,) x, y, θ1, θ2, δ1, δ2, θ̇2.
-        covariance: (7, 7).
-    """
-
-    time_s: float
-    mean: FloatArray
-    covariance: FloatArray
+    time_s: float  # when
+    mean: FloatArray  # (7,) x, y, θ1, θ2, δ1, δ2, θ̇2
+    covariance: FloatArray  # (7, 7)
 
 
 class MotionModel:

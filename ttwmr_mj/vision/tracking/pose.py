@@ -16,15 +16,10 @@ MIN_LABELS = 3  # six numbers for the four of q
 
 
 class LabelPose(NamedTuple):
-    """A pose read from labels.
+    """A pose read from labels."""
 
-    Attributes:
-        q: (4,) x, y [m], θ1, θ2 [rad] in (−π, π].
-        residual_m: root mean square distance between labels found and where the pose puts them.
-    """
-
-    q: FloatArray
-    residual_m: float
+    q: FloatArray  # (4,) x, y [m], θ1, θ2 [rad] in (−π, π]
+    residual_m: float  # root mean square distance between labels found and where the pose puts them
 
 
 def solve_pose(points_m: FloatArray, layout: LabelLayout) -> LabelPose | None:

@@ -123,17 +123,11 @@ COMPUTED: dict[str, Callable[[Evidence], Values]] = {
 
 @dataclass(frozen=True, slots=True)
 class Numbers:
-    """The numbers of a claim or a figure, and what they come from.
+    """The numbers of a claim or a figure, and what they come from."""
 
-    Attributes:
-        computed: of COMPUTED, if any is.
-        read: name → number.
-        needed: names of runs and studies.
-    """
-
-    computed: Callable[[Evidence], Values] | None
-    read: dict[str, Number]
-    needed: tuple[str, ...]
+    computed: Callable[[Evidence], Values] | None  # of COMPUTED, if any is
+    read: dict[str, Number]  # name → number
+    needed: tuple[str, ...]  # names of runs and studies
 
     @classmethod
     def of(cls, entry: dict[str, Any], shown: tuple[str, ...] = ()) -> Numbers:

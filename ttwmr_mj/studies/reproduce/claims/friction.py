@@ -23,23 +23,14 @@ STANDS_RAD = 1e-3  # peak to peak of the hitch angle over the last quarter
 
 @dataclass(frozen=True, slots=True)
 class Balance:
-    """Where the trailer ends at one friction, and the torques there.
+    """Where the trailer ends at one friction, and the torques there."""
 
-    Attributes:
-        run: name of the run.
-        friction_n_m: the hitch's dry friction.
-        hitch_angle_rad: mean over the last quarter.
-        swing_rad: peak to peak over the last quarter.
-        load_n_m: m2·l·R·ω²·cos φ at that angle: what friction must hold.
-        trailer_error_m: steady rms error of the COM against straight behind the tractor.
-    """
-
-    run: str
-    friction_n_m: float
-    hitch_angle_rad: float
-    swing_rad: float
-    load_n_m: float
-    trailer_error_m: float
+    run: str  # name of the run
+    friction_n_m: float  # the hitch's dry friction
+    hitch_angle_rad: float  # mean over the last quarter
+    swing_rad: float  # peak to peak over the last quarter
+    load_n_m: float  # m2·l·R·ω²·cos φ at that angle: what friction must hold
+    trailer_error_m: float  # steady rms error of the COM against straight behind the tractor
 
     @property
     def stands(self) -> bool:

@@ -34,17 +34,11 @@ COMBINE: dict[str, Callable[[Any], Any]] = {
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """A number that is read from results.
+    """A number that is read from results."""
 
-    Attributes:
-        combine: a key of COMBINE.
-        measure: a key of MEASURES, else of a run's metrics or of a study's result.
-        of: names of runs and studies.
-    """
-
-    combine: str
-    measure: str
-    of: tuple[str, ...]
+    combine: str  # a key of COMBINE
+    measure: str  # a key of MEASURES, else of a run's metrics or of a study's result
+    of: tuple[str, ...]  # names of runs and studies
 
     @classmethod
     def parse(cls, text: str) -> Number:

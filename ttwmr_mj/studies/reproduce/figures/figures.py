@@ -19,27 +19,16 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class FigureSpec:
-    """One figure.
+    """One figure."""
 
-    Attributes:
-        name: as in `--only`.
-        kind: how it is drawn, a key of `drawings.DRAWERS`.
-        panels: the runs in it.
-        title: its heading.
-        reported: what the article says it shows.
-        found: what our runs show, with numbers in braces.
-        metric: whose value in every run is the number `errors`; "": of none.
-        numbers: what else is told, and all runs and studies that are needed.
-    """
-
-    name: str
-    kind: str
-    panels: tuple[Panel, ...]
-    title: str
-    reported: str
-    found: str
-    metric: str
-    numbers: Numbers
+    name: str  # as in `--only`
+    kind: str  # how it is drawn, a key of `drawings.DRAWERS`
+    panels: tuple[Panel, ...]  # the runs in it
+    title: str  # its heading
+    reported: str  # what the article says it shows
+    found: str  # what our runs show, with numbers in braces
+    metric: str  # whose value in every run is the number `errors`; "": of none
+    numbers: Numbers  # what else is told, and all runs and studies that are needed
 
     def caption(self, evidence: Evidence) -> str:
         """What our runs show."""

@@ -138,15 +138,11 @@ def _on_circle(angle: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class Solution:
-    """A solution: times (n,) [s], states (n, 7), and why it ended.
-
-    Attributes:
-        end: "time", "singular" (no solution goes on) or "escaped".
-    """
+    """A solution: times (n,) [s], states (n, 7), and why it ended."""
 
     time_s: FloatArray
     z: FloatArray
-    end: str
+    end: str  # "time", "singular" (no solution goes on) or "escaped"
 
 
 def ends_where(passes_zero: Callable[[float, Any], float]) -> Callable[[float, Any], float]:

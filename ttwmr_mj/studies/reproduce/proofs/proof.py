@@ -8,15 +8,10 @@ import sympy as sp
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What a proof found.
+    """What a proof found."""
 
-    Attributes:
-        proved: every difference simplified to zero, every sign is as stated.
-        formulas: (words, expression) pairs to show.
-    """
-
-    proved: bool
-    formulas: list[tuple[str, sp.Expr]]
+    proved: bool  # every difference simplified to zero, every sign is as stated
+    formulas: list[tuple[str, sp.Expr]]  # (words, expression) pairs to show
 
 
 def vanish(*expressions: Any) -> bool:
