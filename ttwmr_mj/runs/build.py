@@ -89,8 +89,7 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
         return TruthSensor(section, period, plant.nsim, rng)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.plants.mjcf import build_model
-    from ttwmr_mj.vision.sensor import CameraSensor
-    from ttwmr_mj.vision.setup import find_calibration
+    from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
     calibration_rng, camera_rng = rng.spawn(2)
     return CameraSensor(

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from functools import partial
+from pathlib import Path
 
 import cv2
 import mujoco
@@ -12,6 +13,8 @@ from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, LatencyQueue, Sensor
 from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
+from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -171,3 +174,21 @@ class CameraSensor(Sensor):
             return [[] for _ in self.cameras]
         self._arrived = due
         return due.result()
+
+
+def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: Path) -> Calibration:
+    """The named calibration file, or else a calibration of the simulated camera, made now.
+
+    Args:
+        section: the camera.
+        rng: source of the noise in a calibration's pictures.
+        folder: where the file is looked for.
+
+    Raises:
+        InputError: the file cannot be used, or is for another resolution.
+        MachineError: no OpenGL.
+    """
+    if section.calibration_path is None:
+        return calibrate_virtual(section.camera, rng)
+    size = (section.camera.width_px, section.camera.height_px)
+    return load_calibration(folder / section.calibration_path, size)
