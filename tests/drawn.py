@@ -26,7 +26,11 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, tuple[list, li
     save = canvas.save
 
     def spy(figure: Figure, path: Path) -> Path:
-        lines = [(axes.get_ylabel(), line) for axes in figure.axes for line in axes.lines]
+        lines = [
+            (axes.get_ylabel() or axes.get_title("left"), line)
+            for axes in figure.axes
+            for line in axes.lines
+        ]
         names = [str(line.get_label()) for _, line in lines]
         curves[path.stem] = {
             # one without a name, or with one that others share, is told by its axis too

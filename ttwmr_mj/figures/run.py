@@ -112,6 +112,9 @@ def _draw_hitch_angle(figure: Figure, run: Trajectory, curves: Curves) -> None:
 def _draw_signals(figure: Figure, run: Trajectory) -> None:
     panels = [(name, values[:, 0], style.TRACTOR) for name, values in run.signals.items()]
     _stacked(figure, run, panels)
+    for axes in figure.axes:  # names too long to stand upright beside a panel
+        axes.set_title(axes.get_ylabel(), loc="left")
+        axes.set_ylabel("")
 
 
 FIGURES: dict[str, Callable[..., None]] = {
