@@ -19,8 +19,8 @@ from ttwmr_mj.cli.commands.doctor import Doctor
 from ttwmr_mj.cli.commands.export_schema import ExportSchema
 from ttwmr_mj.cli.commands.list import List
 from ttwmr_mj.cli.commands.reproduce import Reproduce
-from ttwmr_mj.cli.commands.run import Run
-from ttwmr_mj.cli.commands.track import Track
+from ttwmr_mj.cli.commands.run import RunCommand
+from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
 from ttwmr_mj.cli.commands.view import View
 from ttwmr_mj.cli.engine import load_subcommands
@@ -44,7 +44,7 @@ SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
-    f"run mine.toml {SHARED} --out o --force --quiet --save-frames --debug": Run(
+    f"run mine.toml {SHARED} --out o --force --quiet --save-frames --debug": RunCommand(
         scenario="mine.toml", save_frames=True, debug=True, **OVERRIDES, **FOLDER
     ),
     f"validate a.toml b.toml {SHARED} --debug": Validate(
@@ -76,7 +76,7 @@ EVERYTHING = {
         **OVERRIDES,
     ),
     "track v.avi --calibration c.yaml --scenario a --frames 7 --out o --force --quiet --debug": (
-        Track(
+        TrackCommand(
             source="v.avi", calibration=Path("c.yaml"), scenario="a", frames=7, debug=True, **FOLDER
         )
     ),

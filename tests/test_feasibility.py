@@ -16,8 +16,8 @@ from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
-from ttwmr_mj.references.planned import Plan, Planned, shipped_plans
-from ttwmr_mj.references.shared.feasibility import Check, Feasibility, _forces, check_feasibility
+from ttwmr_mj.references.planned import Knots, Planned, shipped_plans
+from ttwmr_mj.references.shared.feasibility import Demand, Feasibility, _forces, check_feasibility
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
@@ -105,7 +105,7 @@ def test_shipped_plans_are_feasible(name: str) -> None:
 @pytest.mark.parametrize("name", shipped_plans())
 def test_a_plan_ends_at_rest_or_goes_round(name: str) -> None:
     plan = Planned(plan=name)
-    end = Plan.read(name).duration_s
+    end = Knots.read(name).duration_s
     path = plan.sample(np.array([0.0, end - 1e-9, end, end + 0.5, end + 1.0]), FAST)
     if name.startswith("figure_eight"):
         assert path.q[2] == pytest.approx(path.q[0], abs=1e-9)
@@ -213,7 +213,7 @@ def test_where_theta2_is_undefined_the_rest_is_still_judged() -> None:
 
 
 def test_a_check_says_how_often_it_is_broken() -> None:
-    once = Check("grip", "N", 9.0, 1.5, 5.0, ((1.0, 2.0),))
+    once = Demand("grip", "N", 9.0, 1.5, 5.0, ((1.0, 2.0),))
     twice = replace(once, spans_s=((1.0, 2.0), (4.0, 4.5)))
     assert str(once) == "FAIL grip: 9 of 5 N at 1.5 s; broken from 1 s to 2 s"
     assert str(twice) == f"{once} and 1 more"

@@ -161,7 +161,7 @@ def test_the_target_of_a_circle_is_known_by_hand() -> None:
 def test_fitting_stops_when_nothing_is_gained(monkeypatch: pytest.MonkeyPatch) -> None:
     passes = []
 
-    def counted(*given: object, **named: object) -> gauss_newton.Plan:
+    def counted(*given: object, **named: object) -> gauss_newton.Rollout:
         passes.append(improved(*given, **named))  # type: ignore[arg-type]
         return passes[-1]
 

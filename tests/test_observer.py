@@ -90,7 +90,7 @@ def test_it_finds_slip_and_an_unexplained_acceleration() -> None:
         rate = np.column_stack([MODEL.velocity(body, wheels, slip), turn, body[:, 4]])
         seen = watcher.update(estimate(body[:, :4], rate))
         command = np.array([[8.0 + np.sin(0.1 * k), 7.0]])
-        body, wheels = MODEL.advance(body, wheels, command, slip=slip, swing=extra)
+        body, wheels = MODEL.advance(body, wheels, command, slip=slip, unexplained=extra)
         watcher.commanded(command)
     # noise-free: what is left has decayed with the slowest pole, 20 s in
     assert seen.slip == pytest.approx(slip, rel=1e-2)

@@ -24,7 +24,7 @@ from pathlib import Path
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.pool.ingredients import made_of_study
 from ttwmr_mj.studies.pool.jobs import Job
-from ttwmr_mj.studies.pool.task import Task, run_task
+from ttwmr_mj.studies.pool.task import Work, run_task
 
 here = Path().resolve()
 analytic = "plant.kind=analytic"
@@ -40,7 +40,7 @@ def tasks():
     for name, (base, overrides) in RUNS.items():
         yield run_task(name, load_scenario(base, overrides), Path("out") / name, [], Path())
     module = "ttwmr_mj.studies.reproduce.ideal.phase_plane"
-    yield Task(Job("study", print), made_of_study(module, ("numpy",)), Path("out/study.json"))
+    yield Work(Job("study", print), made_of_study(module, ("numpy",)), Path("out/study.json"))
 
 for task in tasks():
     assert task.changes() is None and not task.is_done

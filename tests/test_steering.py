@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.cli.commands.run import Run
+from ttwmr_mj.cli.commands.run import RunCommand
 from ttwmr_mj.cli.main import parse
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
@@ -189,5 +189,5 @@ def test_every_command_in_the_page_on_controllers_is_valid() -> None:
         words = shlex.split(line)
         assert words[0] == "ttwmr"
         run = parse(words[1:])
-        assert isinstance(run, Run)
+        assert isinstance(run, RunCommand)
         run.load(run.scenario)

@@ -31,7 +31,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Task
-from ttwmr_mj.controllers.shared.gauss_newton import Plan, fit, improved, lqr
+from ttwmr_mj.controllers.shared.gauss_newton import Rollout, fit, improved, lqr
 from ttwmr_mj.controllers.shared.observer import Observed
 from ttwmr_mj.controllers.shared.riccati import apply
 from ttwmr_mj.controllers.shared.steering import SteeringLaw
@@ -58,7 +58,7 @@ class Mpc(SteeringLaw["MpcOptions"]):
         state, command = fit(self._problem, self._problem.target(task.path))
         self._target = Target(state, command, self._problem.centre(state))
         self._lqr = lqr(self._problem, state, command, options.decay(T))
-        self._plan: Plan | None = None
+        self._plan: Rollout | None = None
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The first command of the improved plan."""

@@ -68,7 +68,7 @@ class SampledModel:
         command: FloatArray,
         *,
         slip: FloatArray | None = None,
-        swing: FloatArray | float = 0.0,
+        unexplained: FloatArray | float = 0.0,
     ) -> tuple[FloatArray, FloatArray]:
         """Hold a command for one period.
 
@@ -77,7 +77,7 @@ class SampledModel:
             wheels: (..., 2) servo setpoints (right, left) at the start [rad/s].
             command: (..., 2) commanded speeds; the servo's limits apply.
             slip: (..., 3) of P ahead, to the left [m/s] and of the heading [rad/s].
-            swing: (...) extra θ̈2 [rad/s²], whatever its cause.
+            unexplained: (...) extra θ̈2 [rad/s²], whatever its cause.
 
         Returns:
             body and wheels one period later.
@@ -102,7 +102,7 @@ class SampledModel:
             new_vx, new_vy = to_world(theta1, speed, left)
             theta2 = theta2 + 0.5 * step * rate
             kick = sideways(theta2, new_vx - vx, new_vy - vy)
-            rate = rate + kick / self._length + step * swing
+            rate = rate + kick / self._length + step * unexplained
             rate = self._hitch(rate, theta2 - middle, turn, step)
             theta2 = theta2 + 0.5 * step * rate
             vx, vy = new_vx, new_vy

@@ -34,7 +34,7 @@ def shipped_plans() -> list[str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Plan:
+class Knots:
     """P and both angles at knots."""
 
     time_s: FloatArray  # (n,) rising from zero
@@ -112,7 +112,7 @@ class Planned(Reference):
             allowed = f"{', '.join(shipped_plans())}, or a file of python -m ttwmr_mj.planning"
             return [Fault(key=key, got=got, allowed=allowed)]
         try:
-            plan = Plan.read(self.plan)
+            plan = Knots.read(self.plan)
         except (ValueError, OSError) as error:
             return [Fault(key=key, got=got, problem=f"is not a valid plan: {error}", hint=PLANS)]
         if abs(plan.swing_length_m - robot.swing_length_m) <= LENGTH_TOLERANCE_M:
@@ -126,7 +126,7 @@ class Planned(Reference):
 
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
         """The reference at times (n,) [s], with a batch axis of one."""
-        plan = Plan.read(self.plan)
+        plan = Knots.read(self.plan)
         spline = plan.spline()
         time_s = np.asarray(time_s, dtype=np.float64)
         within = time_s if plan.periodic else np.minimum(time_s, plan.duration_s)

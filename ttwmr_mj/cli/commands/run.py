@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.runs import execute
 
 
-class Run(Overrides, NewFolder, name="run"):
+class RunCommand(Overrides, NewFolder, name="run"):
     """Run a scenario and leave a run folder."""
 
     scenario: str = argument(SCENARIO)

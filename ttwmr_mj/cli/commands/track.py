@@ -6,7 +6,7 @@ from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import NewFolder
 
 
-class Track(NewFolder, name="track"):
+class TrackCommand(NewFolder, name="track"):
     """Track the robot through a video or a camera's stream."""
 
     source: str = argument("a video file, or a camera's index")

@@ -23,7 +23,7 @@ FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
 FITTING_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a step; zero keeps what there is
 
 
-class Plan(NamedTuple):
+class Rollout(NamedTuple):
     """States and commands, one after the other in time, and the policy that made them."""
 
     state: FloatArray  # (n + 1, batch, 7)
@@ -42,7 +42,7 @@ def improved(
     disturbance: FloatArray,
     lengths: FloatArray,
     cut: bool = False,
-) -> Plan:
+) -> Rollout:
     """One Gauss-Newton step from a plan; of a few lengths of the step the one that costs least.
 
     Args:
@@ -76,7 +76,7 @@ def improved(
     end = np.concatenate([states[-1] - target.state[-1], lasting], axis=-1)
     costs = 0.5 * (residual**2).sum(axis=(0, -1)) + 0.5 * (end * apply(beyond, end)).sum(axis=-1)
     best, each = np.argmin(costs, axis=0), np.arange(batch)
-    return Plan(states[:, best, each], commands[:, best, each], costs[best, each])
+    return Rollout(states[:, best, each], commands[:, best, each], costs[best, each])
 
 
 def _rollouts(
@@ -112,7 +112,7 @@ def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArra
     """
     batch = target.state.shape[1]
     size = STATES + DISTURBANCES
-    plan = Plan(target.state, target.command, np.full(batch, np.inf))
+    plan = Rollout(target.state, target.command, np.full(batch, np.inf))
     for _ in range(FITTING_PASSES):
         last = plan
         plan = improved(

@@ -125,7 +125,7 @@ class Observer:
     def _predicted(self, now: Observed, command: FloatArray) -> Observed:
         slip, unexplained = now.slip, now.unexplained
         body, wheels = self._model.advance(
-            now.body, now.wheels, command, slip=slip, swing=unexplained
+            now.body, now.wheels, command, slip=slip, unexplained=unexplained
         )
         return Observed(body, wheels, slip, unexplained)
 

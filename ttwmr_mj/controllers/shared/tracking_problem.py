@@ -103,7 +103,7 @@ class TrackingProblem:
         """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
         slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
-            state[..., :BODY], state[..., BODY:], command, slip=slip, swing=unexplained
+            state[..., :BODY], state[..., BODY:], command, slip=slip, unexplained=unexplained
         )
         return np.concatenate([body, wheels], axis=-1)
 

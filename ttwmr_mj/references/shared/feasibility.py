@@ -44,7 +44,7 @@ LEAST_ACCELERATION_M_S2 = 1e-3
 
 
 @dataclass(frozen=True, slots=True)
-class Check:
+class Demand:
     """One requirement along a reference."""
 
     name: str  # what is required
@@ -75,14 +75,14 @@ class Check:
 class Feasibility:
     """The verdict on a reference."""
 
-    checks: tuple[Check, ...]
+    checks: tuple[Demand, ...]
 
     @property
     def feasible(self) -> bool:
         """Whether every binding check is kept."""
         return all(check.kept for check in self.checks if check.binding)
 
-    def __getitem__(self, name: str) -> Check:
+    def __getitem__(self, name: str) -> Demand:
         """A check by its name."""
         return next(check for check in self.checks if check.name == name)
 
@@ -115,7 +115,7 @@ def check_feasibility(
     torque = torque + servo.reflected_inertia_kg_m2 * wheel_rate
     along = flat_output_acceleration(q[..., 3], rate[..., 3], reference.acceleration_m_s2, robot)
 
-    def at_most(name: str, unit: str, values: FloatArray, limit: float) -> Check:
+    def at_most(name: str, unit: str, values: FloatArray, limit: float) -> Demand:
         size = np.fmax.reduce(np.abs(values).reshape(len(q), -1), axis=1)  # NaN: all are
         return _check(reference.time_s, name, unit, size, limit)
 
@@ -185,11 +185,11 @@ def _reach(q: FloatArray, workspace_m: tuple[float, float]) -> FloatArray:
     return np.asarray(np.fmax.reduce([np.abs(part / half).max(axis=-1) for part in parts]))
 
 
-def _check(time_s: FloatArray, name: str, unit: str, values: FloatArray, limit: float) -> Check:
+def _check(time_s: FloatArray, name: str, unit: str, values: FloatArray, limit: float) -> Demand:
     """The largest of values (n,), and where they exceed their limit; NaN does not."""
     k = int(np.argmax(np.nan_to_num(values, nan=-np.inf)))
     worst, when = float(values[k]), float(time_s[k])
-    return Check(name, unit, worst, when, limit, _spans(time_s, values > limit))
+    return Demand(name, unit, worst, when, limit, _spans(time_s, values > limit))
 
 
 def _spans(time_s: FloatArray, broken: BoolArray) -> tuple[tuple[float, float], ...]:

@@ -11,7 +11,7 @@ from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of
 from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
-from ttwmr_mj.studies.pool.task import PRELOAD, Task, run_task
+from ttwmr_mj.studies.pool.task import PRELOAD, Work, run_task
 
 Progress = Callable[[float], None]
 
@@ -62,7 +62,7 @@ def run_suite(
                 progress(float(done))
 
 
-def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> Task:
+def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> Work:
     into = row_folder(row, folder)
     words = ["ttwmr", *row.arguments(into), "--quiet"]
     beside = find_scenario(row.scenario).parent

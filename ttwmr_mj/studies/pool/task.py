@@ -17,7 +17,7 @@ PRELOAD = ("ttwmr_mj.runs.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet"
 
 
 @dataclass(frozen=True, slots=True)
-class Task:
+class Work:
     """A job whose result stays in files.
 
     Attributes:
@@ -56,7 +56,7 @@ def run_task(
     command_line: list[str],
     scenario_folder: Path | None = None,
     timeout_s: float = math.inf,
-) -> Task:
+) -> Work:
     """One run into a folder of its own; arguments as of `runs.execute.run_scenario`."""
     arguments = (
         scenario,
@@ -64,7 +64,7 @@ def run_task(
         command_line,
         scenario_folder and scenario_folder.resolve(),
     )
-    return Task(
+    return Work(
         Job(name, make_run, arguments, timeout_s),
         made_of_run(scenario, scenario_folder),
         folder / MADE_OF_FILE,

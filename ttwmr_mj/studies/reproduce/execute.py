@@ -7,7 +7,7 @@ from pathlib import Path
 from ttwmr_mj.files import write_json
 from ttwmr_mj.studies.pool.ingredients import made_of_study
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
-from ttwmr_mj.studies.pool.task import PRELOAD, Task, run_task
+from ttwmr_mj.studies.pool.task import PRELOAD, Work, run_task
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS
 
@@ -22,7 +22,7 @@ def study_file(out: Path, name: str) -> Path:
     return out / "studies" / f"{name}.json"
 
 
-def missing_tasks(out: Path, runs: Iterable[str], studies: Iterable[str]) -> list[Task]:
+def missing_tasks(out: Path, runs: Iterable[str], studies: Iterable[str]) -> list[Work]:
     """What is not there as it would be made now.
 
     Args:
@@ -37,7 +37,7 @@ def missing_tasks(out: Path, runs: Iterable[str], studies: Iterable[str]) -> lis
     return [task for task in tasks if not task.is_done]
 
 
-def execute(tasks: list[Task], progress: Callable[[float], None] | None = None) -> list[Failed]:
+def execute(tasks: list[Work], progress: Callable[[float], None] | None = None) -> list[Failed]:
     """Do tasks, as many at a time as there are processors.
 
     Args:
@@ -60,16 +60,16 @@ def execute(tasks: list[Task], progress: Callable[[float], None] | None = None) 
     return failures
 
 
-def _run_task(out: Path, name: str) -> Task:
+def _run_task(out: Path, name: str) -> Work:
     spec = RUNS[name]
     return run_task(name, spec.scenario(), run_folder(out, name), spec.command())
 
 
-def _study_task(out: Path, name: str) -> Task:
+def _study_task(out: Path, name: str) -> Work:
     study, path = STUDIES[name], study_file(out, name)
     libraries = ("sympy",) if name == "proofs" else ("numpy", "scipy")
     made_of = made_of_study(getattr(study, "func", study).__module__, libraries)
-    return Task(
+    return Work(
         Job(name, do_study, (name, path.resolve())), made_of, path.with_suffix(".made_of.json")
     )
 

@@ -40,7 +40,7 @@ MEASURES = (
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class Fitted:
     """One parameter, SI units as in its name."""
 
     value: float
@@ -67,7 +67,7 @@ class Gain:
 class Fit:
     """A fit and its proof."""
 
-    parameters: dict[str, Estimate]
+    parameters: dict[str, Fitted]
     physics_step_s: float  # of the contact physics it was fitted on
     training: Gain  # on the scenario it was fitted on
     validation: Gain  # on one it did not see
@@ -115,7 +115,7 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
     data = len(found.fun) - len(value)  # the rest is the pull's
     half = CONFIDENCE_95 * SCALE * standard_deviation(found.fun[:data], found.jac[:data])
     parameters = {
-        name: Estimate(
+        name: Fitted(
             value=float(value[i]),
             confidence_95=[float(max(value[i] - half[i], FLOOR[i])), float(value[i] + half[i])],
             expected=float(search.start[i]),

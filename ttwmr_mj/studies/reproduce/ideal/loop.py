@@ -28,7 +28,7 @@ ESCAPED = 1e6  # m, m/s, rad: a state that far has diverged
 
 
 @dataclass(frozen=True, slots=True)
-class Command:
+class Answer:
     """What the law answers at one instant.
 
     Attributes:
@@ -86,7 +86,7 @@ class IdealLoop:
         errors = [self.errors(t, z) for t, z in zip(path.time_s, path.z, strict=True)]
         return np.asarray(np.hypot(*np.array(errors)[:, ::2].T))
 
-    def command(self, time_s: float, z: State) -> Command:
+    def command(self, time_s: float, z: State) -> Answer:
         """The law at one instant, cut to the limit."""
         o = self.options
         e1, e2, e3, e4 = self.errors(time_s, z)
@@ -102,7 +102,7 @@ class IdealLoop:
             gamma = _gamma(v2 * cos - v1 * sin - self.swing_length_m * wanted, d, o)
             v1, v2 = v1 + gamma * o.alpha4 * e4, v2 - gamma * o.alpha2 * e2
         limit = self.limit_m_s2
-        return Command(max(-limit, min(limit, v1)), max(-limit, min(limit, v2)), d, e5)
+        return Answer(max(-limit, min(limit, v1)), max(-limit, min(limit, v2)), d, e5)
 
     def rates(self, time_s: float, z: State) -> State:
         """Eq. 31 and the rate of the integral."""
