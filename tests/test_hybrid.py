@@ -113,6 +113,23 @@ def test_smoothed_friction_slows_the_sampled_hitch_as_it_says() -> None:
     assert body[0, 4] == pytest.approx(exact, rel=2e-3)
 
 
+def test_a_spring_and_a_damper_swing_the_sampled_hitch_as_an_oscillator_does() -> None:
+    """Beside a tractor at rest θ̈2 = −(k_t·φ + c_t·φ̇)/J with φ = θ2 (Eq. 17, 38-41)."""
+    robot = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.05, damping_n_m_s_rad=5e-3))
+    model = SampledModel(robot, 0.033, substep_s=1e-4)
+    body, wheels = np.array([[0.0, 0.0, 0.0, 0.3, 0.0]]), np.zeros((1, 2))
+    for _ in range(10):
+        body, wheels = model.advance(body, wheels, np.zeros((1, 2)))
+    stiffness, damping = (g / robot.swing_inertia_kg_m2 for g in (0.05, 5e-3))
+
+    def pulled(_: float, s: np.ndarray) -> list[float]:
+        return [s[1], -stiffness * s[0] - damping * s[1]]
+
+    exact = solve_ivp(pulled, (0.0, 0.33), [0.3, 0.0], rtol=1e-10, atol=1e-12).y[:, -1]
+    # the implicit damper is of first order: c/J·step = 7e-5
+    assert body[0, 3:] == pytest.approx(exact, rel=1e-3)
+
+
 def swing_energy(
     angle: np.ndarray, rate: np.ndarray, twist: np.ndarray, robot: RobotParameters
 ) -> np.ndarray:

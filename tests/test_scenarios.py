@@ -10,6 +10,7 @@ from trajectories import different
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
@@ -87,3 +88,13 @@ def test_a_broken_controller_ends_the_run_and_what_was_reached_is_kept(
     assert outcome.time_s == pytest.approx((rows - 1) * 0.033)
     assert len(result.trajectory) == rows
     assert np.isfinite(result.trajectory.q).all()
+
+
+@pytest.mark.parametrize("target", ["misbehaving:np", "misbehaving:Estimate", "misbehaving:nobody"])
+def test_a_target_that_is_no_controller_is_refused(target: str) -> None:
+    """A module, a class of another kind, nothing at all."""
+    scenario = load_scenario("open_loop_turn").model_copy(
+        update={"controller": CustomOptions(target=target)}
+    )
+    with pytest.raises(InputError, match=r"controller\.target: got .* has no class"):
+        Experiment(scenario, folder=Path(__file__).parent)

@@ -169,6 +169,31 @@ def test_discs_are_found_at_their_centres(shift: tuple[float, float]) -> None:
     assert anywhere.centre_px == pytest.approx(centres, abs=0.02)
 
 
+@pytest.mark.parametrize("nearer", [0, 1])
+def test_of_two_discs_of_a_colour_the_nearer_is_the_label(nearer: int) -> None:
+    layout = read_layout(model())
+    centres = np.array([[30.0, 30.0], [110.0, 40.0], [50.0, 90.0], [120.0, 85.0]])
+    beside = centres + [18.0, 0.0]
+    one, two = (painted(c, layout, 6.0, 1.0, 0.0).astype(float) for c in (centres, beside))
+    image = (one + two - 110.0).astype(np.uint8)  # they do not touch
+    meant = (centres, beside)[nearer]
+    other = (centres, beside)[1 - nearer]
+    near = meant + 0.3 * (other - meant)  # both lie in the region
+    found, sound = Detector(layout, 6.0).track(image, near, 14.0)
+    assert sound.all()
+    assert found == pytest.approx(meant, abs=0.05)
+
+
+def test_a_disc_is_round_wherever_its_moments_are_taken_about() -> None:
+    layout = read_layout(model())
+    y, x = np.ogrid[:31, :31]
+    light = ((x - 15.0) ** 2 + (y - 15.0) ** 2 < 6.0**2).astype(np.float32)[None]
+    rough = np.array([[14.2, 14.2]], dtype=np.float32)
+    centre, whole = Detector(layout, 6.0)._centroids(light, rough)
+    assert whole.all()
+    assert centre == pytest.approx(np.array([[15.0, 15.0]]), abs=1e-5)
+
+
 @pytest.mark.parametrize("angle_deg", [0, 45, 90, 135])
 def test_what_is_longer_than_wide_is_no_label(angle_deg: float) -> None:
     layout = read_layout(model())
