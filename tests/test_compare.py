@@ -18,6 +18,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare import study
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
@@ -277,6 +278,8 @@ def test_the_files(tmp_path: Path) -> None:
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
     assert {"compare.json", "manifest.json", "contact.parquet", "analytic.parquet"} <= names
     assert {"run.rrd", "figures/deviation.svg", "figures/paths.png"} <= names
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert manifest["command_line"] == ["ttwmr", "compare"]
     report = json.loads((tmp_path / "compare.json").read_text())
     assert report == done.report
     assert report["attribution"] is None
@@ -330,3 +333,14 @@ def test_the_command_line_is_a_gate(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert main([*common, *out, "--force"]) == 0
     gate.write_text("position = 1.0\n")
     assert main([*common, *out, "--force"]) == 2
+
+
+def test_one_progress_bar_is_split_over_the_parts() -> None:
+    shown: list[float] = []
+    for part in study._parts(shown.append, 2):
+        assert part is not None
+        part(0.25)
+    assert shown == [0.125, 0.625]
+    for part in study._parts(None, 1):
+        assert part is not None
+        part(0.5)  # nobody looks

@@ -139,6 +139,19 @@ def test_a_spring_and_a_damper_demand_what_they_give() -> None:
         assert check.worst_time_s == TIME[torque.argmax()]
 
 
+def test_a_spring_may_give_what_is_demanded_or_its_opposite() -> None:
+    """A trailer turned off its equilibrium on a circle: J·θ̈2 − m2·l·P''·n, and −k_t·φ for it."""
+    path = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0).sample(TIME, FAST)
+    for turned in (0.3, -0.3):
+        off = replace(path, theta=path.theta + [0.0, turned])
+        theta1, theta2 = off.theta[0, 0]
+        normal = np.array([-np.sin(theta2), np.cos(theta2)])
+        pull = 0.33 * 0.141 * float(path.acceleration_m_s2[0, 0] @ normal)
+        hitch = Hitch(stiffness_n_m_rad=1e-3)
+        check = check_feasibility(off, FAST.model_copy(update={"hitch": hitch}))["free trailer"]
+        assert check.worst == pytest.approx(abs(-pull + 1e-3 * (theta2 - theta1)), rel=1e-6)
+
+
 def test_forces_of_a_straight_start_by_hand() -> None:
     """Both wheels push the whole mass; a trailer without θ2 counts as in line."""
     for theta2 in ("aligned", "none"):

@@ -8,8 +8,9 @@ from typing import Any
 import pytest
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario import checks
 from ttwmr_mj.scenario.checks import CHECKS
-from ttwmr_mj.scenario.file import check_scenario, set_value
+from ttwmr_mj.scenario.file import check_scenario, load_scenario, set_value
 
 BASE = """
 name = "mine"
@@ -231,3 +232,12 @@ def test_a_list_that_is_too_short_says_how_long_it_must_be() -> None:
     error = refused([OPEN_LOOP[0], 'controller={kind="open_loop",segments=[]}'])
     assert error is not None
     assert "controller.segments: got []; allowed: at least 1 of them" in str(error)
+
+
+def test_a_law_is_asked_about_the_whole_run_and_what_it_looks_ahead() -> None:
+    scenario = load_scenario("outer_circle", ["duration_s=3.3"])
+    path = checks._path(scenario)
+    assert path is not None
+    # 100 periods, both ends, and 64 samples beyond
+    assert len(path.time_s) == 165
+    assert path.time_s[[0, -1]] == pytest.approx([0.0, 164 * 0.033], rel=1e-12)
