@@ -6,7 +6,9 @@ from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import open_folder, results_folder
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.compare.pair import Mode, Pair, run_pair
+from ttwmr_mj.studies.compare.pair import run_pair as compare
+
+__all__ = ["compare", "run", "simulate"]
 
 
 def simulate(scenario: Scenario, nsim: int = 1, *, scenario_folder: Path | None = None) -> Result:
@@ -44,26 +46,3 @@ def run(
     folder = out or results_folder(scenario.name, scenario.seed)
     open_folder(folder, force)
     return run_scenario(scenario, folder, scenario_folder=scenario_folder)
-
-
-def compare(
-    scenario: Scenario,
-    mode: Mode = "open_loop",
-    *,
-    real_wheels: bool = False,
-    scenario_folder: Path | None = None,
-) -> Pair:
-    """A scenario on contact physics and on the analytic model, in memory.
-
-    Args:
-        scenario: what to run.
-        mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
-            each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
-        scenario_folder: where a custom controller is looked for first; None: here.
-
-    Raises:
-        InputError: the scenario cannot be built.
-        RunError: a run broke.
-    """
-    return run_pair(scenario, mode, real_wheels=real_wheels, scenario_folder=scenario_folder)

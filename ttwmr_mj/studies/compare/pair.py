@@ -40,13 +40,14 @@ def run_pair(
     real_wheels: bool = False,
     scenario_folder: Path | None = None,
 ) -> Pair:
-    """Run a scenario on both plants.
+    """A scenario on contact physics and on the analytic model, in memory.
 
     Args:
-        scenario: its plant.kind does not matter.
-        mode: as in `study.Options`.
-        real_wheels: as in `study.Options`.
-        scenario_folder: where a custom controller is looked for first.
+        scenario: what to run; its plant.kind does not matter.
+        mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
+            each under its own controller.
+        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
+        scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
         InputError: the plants cannot mean the same thing.
