@@ -23,14 +23,16 @@ TWIST_RATE = kinematics.twist_from_wheels(WHEELS_RATE, ROBOT)
 LAG_S = 1e-9  # so small that what it changes is proportional to it
 
 
-def rate(lead_s: float = 0.0, **values: float) -> FloatArray:
+def rate(
+    lead_s: float = 0.0, state: FloatArray = STATE, wheels: FloatArray = WHEELS, **values: float
+) -> FloatArray:
     """(5, N) rates of a robot that has nothing beyond Table I but these."""
     ideal = dict.fromkeys(ExtendedParameters.model_fields, 0.0)
     ideal |= {"wheel_radius_m": ROBOT.tractor.wheel_radius_m}
     ideal |= {"track_width_m": ROBOT.tractor.track_width_m}
     ideal |= {"hitch_damping_n_m_s_rad": ROBOT.hitch.damping_n_m_s_rad}
     model = ExtendedModel(ROBOT, {**ideal, **values}, 0.0)
-    return model.rate(STATE, WHEELS, WHEELS_RATE, np.full((N, 2), lead_s))
+    return model.rate(state, wheels, WHEELS_RATE, np.full((N, 2), lead_s))
 
 
 def push(**values: float) -> FloatArray:
@@ -150,6 +152,10 @@ def test_the_swing_rate_and_its_kick_are_one_motion() -> None:
     got = rate(lead_s=lead)
     np.testing.assert_allclose(got[3], STATE[4] - pull * jump * np.sin(HITCH), rtol=1e-12)
     np.testing.assert_allclose(got[2], TWIST[:, 1] + lead * TWIST_RATE[:, 1], rtol=1e-9)
+    # the swing rate is θ̇2 + pull·jump·sin φ, so its own rate is θ̈2 + pull·jump·cos φ·φ̇
+    moving = rate(state=np.vstack([STATE[:4], got[3]]), wheels=WHEELS + lead * WHEELS_RATE)
+    turned = pull * jump * np.cos(HITCH) * (got[3] - got[2])
+    np.testing.assert_allclose(got[4], moving[4] + turned, rtol=1e-9)
 
 
 @pytest.mark.parametrize("friction", [0.0, 1e-4])
