@@ -6,19 +6,22 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.shared.gauss_newton import fit
 from ttwmr_mj.controllers.shared.riccati import backward
 from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
-from ttwmr_mj.controllers.tvlqr import TvlqrOptions
+from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters, Servo
+from ttwmr_mj.runs.build import initial_state, sample_reference
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.sensing import Estimate
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 PERIOD = 0.033
@@ -173,3 +176,22 @@ def test_rest_to_rest_ends_where_it_should() -> None:
         place_mm, angle_deg = final_error(Experiment(noisy).run())
         assert place_mm <= 8.0
         assert angle_deg <= 2.0
+
+
+def test_flags_of_a_command_say_what_was_cut_and_what_nearly_stands() -> None:
+    scenario = load_scenario("outer_circle", ['controller={kind="tvlqr"}'])
+    law, path = Tvlqr(TvlqrOptions()), sample_reference(scenario)
+    law.start(Task(scenario.robot, path, PERIOD, 5, np.random.default_rng(0)))
+    state = initial_state(scenario, path, 5)
+    now = law._observer.update(
+        Estimate(state, np.zeros(5), np.ones(5, dtype=np.bool_), np.full(5, np.nan))
+    )
+    reach = scenario.robot.servo.acceleration_limit_rad_s2 * PERIOD
+    here, still = now.wheels[0], np.zeros(2)
+    wishes = np.array([here + 0.5 * reach, here + 2.0 * reach, here + reach, here - reach, still])
+    slow = now._replace(wheels=np.where(np.arange(5)[:, None] == 4, 0.1, now.wheels))
+    command = law._possible(wishes, slow)
+    # at the limit counts as cut, on either side; standing still is near the singularity
+    assert command.saturated.tolist() == [False, True, True, True, False]
+    assert command.near_singular.tolist() == [False, False, False, False, True]
+    assert command.wheel_speed_rad_s[1] == pytest.approx(here + reach)
