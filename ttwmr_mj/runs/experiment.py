@@ -84,10 +84,15 @@ class Experiment:
             self.sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
         loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
-        period = scenario.control.sampling_time_s
-        loop.run(
-            Task(scenario.believed_robot, self.reference, period, self.nsim, rng["controller"])
+        task = Task(
+            scenario.believed_robot,
+            self.reference,
+            scenario.control.sampling_time_s,
+            self.nsim,
+            rng["controller"],
+            scenario.believed_ground,
         )
+        loop.run(task)
         return Result(
             scenario=scenario,
             trajectory=loop.rows.rows(0, loop.done),
