@@ -20,12 +20,15 @@ from ttwmr_mj.state import RobotState
 def sample_reference(scenario: Scenario) -> ReferencePath | None:
     """The reference at every control sample of the run and a little beyond; None without one.
 
-    It is what the run is judged by: that of the robot that is driven, on the floor there is.
+    It is what the run is judged by: that of the robot that is driven, on the floor there is. A plan
+    is for the robot that it was made for.
 
     Raises:
         InputError: the robot cannot have this reference.
     """
-    return _sampled(scenario, scenario.robot, scenario.ground)
+    strange = bool(scenario.reference.faults(scenario.robot))
+    robot = scenario.believed_robot if strange else scenario.robot
+    return _sampled(scenario, robot, scenario.ground)
 
 
 def believed_reference(scenario: Scenario) -> ReferencePath | None:

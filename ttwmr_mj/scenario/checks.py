@@ -122,9 +122,7 @@ def _one_period(scenario: Scenario) -> Iterable[Fault]:
 
 
 def _reference(scenario: Scenario) -> Iterable[Fault]:
-    faults = scenario.reference.faults(scenario.robot)
-    if not faults:  # the controller follows the reference of the robot that it believes in
-        faults = scenario.reference.faults(scenario.believed_robot)
+    faults = scenario.reference.faults(scenario.believed_robot)
     yield from (fault.within("reference") for fault in faults)
 
 
