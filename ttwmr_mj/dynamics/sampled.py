@@ -69,6 +69,7 @@ class SampledModel:
         *,
         slip: FloatArray | None = None,
         unexplained: FloatArray | float = 0.0,
+        gravity_m_s2: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Hold a command for one period.
 
@@ -78,6 +79,7 @@ class SampledModel:
             command: (..., 2) commanded speeds; the servo's limits apply.
             slip: (..., 3) of P ahead, to the left [m/s] and of the heading [rad/s].
             unexplained: (...) extra θ̈2 [rad/s²], whatever its cause.
+            gravity_m_s2: (..., 2) gravity's pull along the floor, world frame; None: a level one.
 
         Returns:
             body and wheels one period later.
@@ -88,6 +90,7 @@ class SampledModel:
         ahead, left, turning = (0.0, 0.0, 0.0) if slip is None else np.moveaxis(slip, -1, 0)
         speed, turn = self._twist(wheels, ahead, turning)
         vx, vy = to_world(theta1, speed, left)
+        fall = None if gravity_m_s2 is None else step * np.asarray(gravity_m_s2)
         angles = np.zeros_like(change)
         for i in range(1, self._substeps + 1):
             moved, angles_now = ramp_and_angle(change, self._servo, i * step)
@@ -101,6 +104,8 @@ class SampledModel:
             x, y, theta1 = x + dx, y + dy, theta1 + turned
             new_vx, new_vy = to_world(theta1, speed, left)
             theta2 = theta2 + 0.5 * step * rate
+            if fall is not None:
+                vx, vy = vx + fall[..., 0], vy + fall[..., 1]
             kick = sideways(theta2, new_vx - vx, new_vy - vy)
             rate = rate + kick / self._length + step * unexplained
             rate = self._hitch(rate, theta2 - middle, turn, step)
