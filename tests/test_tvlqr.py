@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
 from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.shared.friction import FrictionOptions
 from ttwmr_mj.controllers.shared.gauss_newton import fit
+from ttwmr_mj.controllers.shared.observer import Observed
 from ttwmr_mj.controllers.shared.riccati import backward
 from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
@@ -16,7 +20,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.results.metrics import score
-from ttwmr_mj.robot import RobotParameters, Servo
+from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.runs.build import initial_state, sample_reference
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
@@ -195,3 +199,28 @@ def test_flags_of_a_command_say_what_was_cut_and_what_nearly_stands() -> None:
     assert command.saturated.tolist() == [False, True, True, True, False]
     assert command.near_singular.tolist() == [False, False, False, False, True]
     assert command.wheel_speed_rad_s[1] == pytest.approx(here + reach)
+
+
+def test_friction_beyond_the_plans_counts_as_an_unexplained_acceleration() -> None:
+    robot, k = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=1e-3)}), 7
+    path = Planned(plan="figure_eight").sample(PERIOD * np.arange(20), robot)
+    law = Tvlqr(TvlqrOptions(friction=FrictionOptions(smoothing_rad_s=1.0)))
+    law.start(Task(robot, path, PERIOD, 5, np.random.default_rng(0)))
+    plan = np.tile(law._state[k], (5, 1))
+    off = np.array([0.0, 0.3, -0.3, 0.3, 0.6])  # rad/s of θ̇2, over which friction is curved
+    body = plan[:, :5].copy()
+    body[:, 4] += off
+    now = Observed(body, plan[:, 5:], np.zeros((5, 3)), np.zeros(5))
+    more = law._friction.acceleration(now) - law._friction.acceleration_along(plan)
+    assert np.abs(more[1:]).min() > 0.01  # rad/s²
+    assert np.abs(law._rubbing[k]).min() > 0.01
+    # all rub; but for the fourth, an unexplained acceleration makes up for what the plan lacks
+    now = now._replace(unexplained=np.where(np.arange(5) == 3, 0.0, -more))
+    law._observer = SimpleNamespace(update=lambda _: now, commanded=lambda _: None)
+    command = law.command(k, SimpleNamespace())
+    assert not command.saturated.any()
+    change = command.wheel_speed_rad_s - law._command[k]
+    assert change[0] == pytest.approx(0.0, abs=1e-12)  # on the plan, it is the plan's
+    assert change[2] == pytest.approx(-change[1], abs=1e-12)
+    assert change[4] == pytest.approx(2.0 * change[1], abs=1e-12)
+    assert change[3] - change[1] == pytest.approx(more[3] * law._gain[k, 0, :, -1], abs=1e-12)
