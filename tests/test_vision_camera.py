@@ -83,9 +83,9 @@ def test_layout_comes_from_the_models_sites() -> None:
 
 
 def beside_the_axis() -> LabelLayout:
-    """Labels off the axis on either side: those of the robot's own model have y = 0."""
+    """Labels off the axis, each half's on one side: those of the robot's own model have y = 0."""
     layout = read_layout(model())
-    aside = np.array([0.03, -0.02, 0.05, -0.04])
+    aside = np.array([0.05, 0.03, -0.06, -0.02])
     return replace(layout, offset_m=np.column_stack([layout.offset_m[:, 0], aside]))
 
 
