@@ -224,3 +224,8 @@ def test_friction_beyond_the_plans_counts_as_an_unexplained_acceleration() -> No
     assert change[2] == pytest.approx(-change[1], abs=1e-12)
     assert change[4] == pytest.approx(2.0 * change[1], abs=1e-12)
     assert change[3] - change[1] == pytest.approx(more[3] * law._gain[k, 0, :, -1], abs=1e-12)
+
+
+def test_a_disturbance_falls_to_an_eth_in_its_time() -> None:
+    options = TvlqrOptions(disturbance_time_s=3.0)
+    assert options.decay(0.5) ** 6 == pytest.approx(np.exp(-1.0), rel=1e-12)
