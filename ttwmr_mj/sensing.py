@@ -19,18 +19,25 @@ class TruthSensing(Config):
     """The true state, late and noisy if asked."""
 
     kind: Literal["truth"] = "truth"
-    latency_s: UpTo10 = Field(default=0.0, description="age of what arrives, whole control periods")
+    latency_s: UpTo10 = Field(
+        default=0.0,
+        description="age of the state when it arrives, a whole number of control periods; "
+        "typically 0.033",
+    )
     position_noise_m: UpTo10 = Field(
-        default=0.0, description="standard deviation of x and y; typically 0.001"
+        default=0.0, description="standard deviation of the noise in x and y; typically 0.001"
     )
     angle_noise_rad: UpTo10 = Field(
-        default=0.0, description="standard deviation of both angles; typically 0.001"
+        default=0.0, description="standard deviation of the noise in both angles; typically 0.001"
     )
     velocity_noise_m_s: UpTo10 = Field(
-        default=0.0, description="standard deviation of P's velocity; typically 0.001"
+        default=0.0, description="standard deviation of the noise in P's velocity; typically 0.001"
     )
     rate_noise_rad_s: float = Field(
-        default=0.0, ge=0, le=100, description="standard deviation of both rates; typically 0.01"
+        default=0.0,
+        ge=0,
+        le=100,
+        description="standard deviation of the noise in both angular rates; typically 0.01",
     )
 
 

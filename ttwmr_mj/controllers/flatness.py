@@ -194,20 +194,21 @@ class FlatnessOptions(SteeringOptions):
         default=None,
         gt=0,
         le=30,
-        description="λ: all four poles of the error are near −λ; left out: 3.5 times the mean turn "
-        "rate of the reference's trailer, typically 1 to 4",
+        description="λ: all four poles of the error are near −λ; default: 3.5 times the mean "
+        "turn rate of the reference's trailer, typically 1 to 4",
     )
     integral_share: float = Field(
         default=0.15,
         ge=0,
         le=0.5,
-        description="κ: the integral of the error settles at the rate κλ",
+        description="κ: the integral of the error settles at the rate κλ; typically 0.15",
     )
     least_acceleration_share: float = Field(
         default=0.3,
         gt=0,
         le=1,
-        description="share of the reference's |F''| that the law keeps: near none θ2 is undefined",
+        description="share of the reference's |F''| below which the law does not let |F''| "
+        "fall, as θ2 is undefined where F'' = 0; typically 0.3",
     )
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:

@@ -119,14 +119,25 @@ class LyapunovOptions(ControllerOptions):
 
     law = Lyapunov
     kind: Literal["lyapunov"] = "lyapunov"
-    alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")
-    alpha2: float = Field(default=10.0, gt=0, le=1e6, description="α2, on e2 = ẋ − ẋ_d")
-    alpha3: float = Field(default=25.0, gt=0, le=1e6, description="α3, on e3 = y − y_d")
-    alpha4: float = Field(default=10.0, gt=0, le=1e6, description="α4, on e4 = ẏ − ẏ_d")
+    alpha1: float = Field(
+        default=25.0, gt=0, le=1e6, description="gain α1 of the error e1 = x − x_d; Table II: 25"
+    )
+    alpha2: float = Field(
+        default=10.0, gt=0, le=1e6, description="gain α2 of the error e2 = ẋ − ẋ_d; Table II: 10"
+    )
+    alpha3: float = Field(
+        default=25.0, gt=0, le=1e6, description="gain α3 of the error e3 = y − y_d; Table II: 25"
+    )
+    alpha4: float = Field(
+        default=10.0, gt=0, le=1e6, description="gain α4 of the error e4 = ẏ − ẏ_d; Table II: 10"
+    )
     singular_terms: Literal["omitted", "regularized", "published"] = Field(
         default="omitted",
-        description="what becomes of e1²/e2 and e3²/e4, which Theorem 1 overlooks",
+        description="treatment of e1²/e2 and e3²/e4, whose singularity Theorem 1 overlooks",
     )
     regularization_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
+        default=0.01,
+        gt=0,
+        le=10,
+        description="ε in e1²·e2/(e2² + ε²), if singular_terms is regularized; typically 0.01",
     )

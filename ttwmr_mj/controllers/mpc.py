@@ -114,5 +114,8 @@ class MpcOptions(TvlqrOptions):
     law = Mpc
     kind: Literal["mpc"] = "mpc"  # type: ignore[assignment]  # the tag of another law
     horizon_samples: int = Field(
-        default=30, ge=2, le=60, description="control periods ahead; a second is typical"
+        default=30,
+        ge=2,
+        le=60,
+        description="prediction horizon in control periods; typically one second, 30",
     )

@@ -56,8 +56,15 @@ class PurePursuitOptions(ControllerOptions):
     law = PurePursuit
     kind: Literal["pure_pursuit"] = "pure_pursuit"
     preview_s: float = Field(
-        default=0.5, gt=0, le=2, description="how far ahead in time the aim is, typically 0.3 to 1"
+        default=0.5,
+        gt=0,
+        le=2,
+        description="how far ahead on the reference, in time, the target point is; typically "
+        "0.3 to 1",
     )
     gain_1_s: float = Field(
-        default=1.0, ge=0, le=100, description="g: speed per distance along the heading"
+        default=1.0,
+        ge=0,
+        le=100,
+        description="g: speed per distance along the heading; typically 1",
     )

@@ -76,7 +76,8 @@ class TvlqrOptions(SteeringOptions):
         default=10.0,
         gt=0,
         le=1e4,
-        description="how long slip and an unexplained θ̈2 are taken to last",
+        description="time constant with which slip and an unexplained θ̈2 are assumed to "
+        "decay; typically 10",
     )
 
     def decay(self, period_s: float) -> float:

@@ -22,11 +22,15 @@ class FigureEight(PathReference):
     """
 
     kind: Literal["figure_eight"] = "figure_eight"
-    half_width_m: Length = Field(description="W, typically 0.4")
-    half_height_m: Length = Field(description="H, typically half of W")
-    period_s: float = Field(gt=0, le=3600, description="time of one whole eight at full rate")
-    phase_rad: Angle = Field(default=0.0, description="φ at the start")
-    centre_m: Point = Field(default=(0.0, 0.0), description="where the eight crosses itself")
+    half_width_m: Length = Field(description="half width W; typically 0.4")
+    half_height_m: Length = Field(description="half height H; typically half of W")
+    period_s: float = Field(
+        gt=0, le=3600, description="time for one complete figure eight at full rate; typically 60"
+    )
+    phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
+    centre_m: Point = Field(
+        default=(0.0, 0.0), description="the point (x, y) where the figure eight crosses itself"
+    )
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the phase travelled, (n,)."""

@@ -27,14 +27,17 @@ class FlatArc(FlatReference):
     """
 
     kind: Literal["flat_arc"] = "flat_arc"
-    radius_m: Length = Field(description="R, of F")
+    radius_m: Length = Field(description="radius R of the path of F; typically 0.6")
     angles_rad: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
-        description="φ where the arc begins and ends; their order gives the sense"
+        description="angles φ where the arc begins and ends; their order gives the direction"
     )
     rest_rate_rad_s: float = Field(
-        default=0.3, gt=0, le=50, description="r, at both ends and after them; never zero"
+        default=0.3,
+        gt=0,
+        le=50,
+        description="rate r at both ends and beyond the end; never zero, typically 0.3",
     )
-    peak_rate_rad_s: float = Field(gt=0, le=50, description="p, in the middle; typically 1")
+    peak_rate_rad_s: float = Field(gt=0, le=50, description="rate p in the middle; typically 1")
 
     @field_validator("angles_rad")
     @classmethod

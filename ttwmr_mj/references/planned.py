@@ -96,8 +96,8 @@ class Planned(Reference):
 
     kind: Literal["planned"] = "planned"
     plan: str = Field(
-        description="a shipped plan (figure_eight, rest_to_rest, …), or a file ending in .csv "
-        "that python -m ttwmr_mj.planning wrote"
+        description="a shipped plan (figure_eight, rest_to_rest, …), or a .csv file written "
+        "by python -m ttwmr_mj.planning"
     )
 
     @field_validator("plan")

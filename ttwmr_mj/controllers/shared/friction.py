@@ -28,13 +28,16 @@ class FrictionOptions(Config):
     """What a controller makes up for of the hitch's dry friction."""
 
     dry: Literal["ignored", "model"] = Field(
-        default="model", description="ignored, or made up for with the figure of robot.hitch"
+        default="model",
+        description="dry friction of the hitch: ignored, or compensated with the value of "
+        "robot.hitch",
     )
     smoothing_rad_s: float = Field(
         default=0.05,
         gt=0,
         le=10,
-        description="ε, the hitch rate from which on friction counts as nearly full",
+        description="ε, the hitch rate above which friction is taken as nearly full; "
+        "typically 0.05",
     )
 
 

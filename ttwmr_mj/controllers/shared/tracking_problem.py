@@ -33,11 +33,19 @@ class TrackingWeights(Config):
     """Scales of the tracking errors: one scale of one costs as much as one scale of another."""
 
     position_scale_m: float = Field(
-        default=0.01, gt=0, le=10, description="of the trailer's centre of oscillation"
+        default=0.01,
+        gt=0,
+        le=10,
+        description="error of the trailer's centre of oscillation that costs 1; typically 0.01",
     )
-    angle_scale_rad: float = Field(default=0.2, gt=0, le=100, description="of θ1 and θ2")
+    angle_scale_rad: float = Field(
+        default=0.2, gt=0, le=100, description="error of θ1 or θ2 that costs 1; typically 0.2"
+    )
     change_scale_rad_s: float = Field(
-        default=0.5, gt=0, le=1e3, description="of a wheel command's change in a period"
+        default=0.5,
+        gt=0,
+        le=1e3,
+        description="change of a wheel command in one period that costs 1; typically 0.5",
     )
 
 

@@ -24,9 +24,9 @@ class FlatReference(Reference):
     """
 
     side: Literal["outside", "inside"] = Field(
-        default="outside", description="where the trailer is, seen from P; inside is unstable"
+        default="outside", description="side of P on which the trailer is; inside is unstable"
     )
-    centre_m: Point = Field(default=(0.0, 0.0), description="(x, y) of the curve's centre")
+    centre_m: Point = Field(default=(0.0, 0.0), description="centre of the curve (x, y)")
 
     @abstractmethod
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:

@@ -33,15 +33,15 @@ class PathReference(Reference):
 
     theta2: Theta2Option = Field(
         default="none",
-        description="reference of θ2: along the tractor, radially outward as a free trailer "
-        "settles on a circle, or none",
+        description="reference of θ2: along the tractor (aligned), radially outward as a free "
+        "trailer settles on a circle (outward), or none",
     )
     ramp_s: float = Field(
         default=0.0,
         ge=0,
         le=600,
-        description="duration of a smooth start from rest, typically 1 to 5; 0 starts at full "
-        "speed",
+        description="duration of the smooth start from rest; typically 1 to 5, 0 starts at "
+        "full speed",
     )
 
     @abstractmethod

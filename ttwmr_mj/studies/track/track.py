@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
@@ -79,7 +79,8 @@ def track(
         except KeyboardInterrupt:  # how one ends a camera's stream
             pass
     if not rows:
-        raise InputError(f"{source}: no frame was read; is the video empty or damaged?")
+        problem = "no frame could be read; the video may be empty or damaged"
+        raise InputError(Fault(problem=problem), file=source)
     _write(rows, folder / "poses.parquet")
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
 
