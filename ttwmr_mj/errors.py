@@ -1,4 +1,4 @@
-"""The errors users meet: where, what was got, what is allowed, what to do."""
+"""The errors users meet: where, what was given, what is allowed, what to do."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ class TtwmrError(Exception):
 
 
 class InputError(TtwmrError):
-    """Something given from outside is wrong: scenario, option, file (exit code 2).
+    """An input is wrong: scenario, option, file (exit code 2).
 
     Attributes:
         faults: everything that is wrong.
@@ -95,7 +95,7 @@ def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | Non
 
 
 class RunError(TtwmrError):
-    """A run that started could not be finished: divergence, broken physics (exit code 1)."""
+    """A run that started could not be finished: divergence, failed physics (exit code 1)."""
 
 
 class MachineError(TtwmrError):

@@ -1,7 +1,7 @@
 """The robot's numbers: Table I of the article and what it leaves open, each with its source.
 
 Every model in this package, analytic or MuJoCo, is built from one `RobotParameters`. Values are
-checked here, at the border; inside, they are trusted.
+checked here, on input; the rest of the package trusts them.
 """
 
 from collections.abc import Mapping

@@ -11,8 +11,8 @@ and drives every u < 0 up to 0⁻ or down through −∞.
   V' = −(α2·e2)² − (α4·e4)², and by LaSalle's principle e → 0. Table II: poles −0.26 and −9.74 1/s.
 - "regularized": e1²·e2/(e2² + ε²). Bounded, and V' ≤ −(α2·e2)² − (α4·e4)² still; slow near the
   end, because the term fights the error's last motion.
-- "published": as printed. Where e2 is exactly 0 the term counts as 0; close to 0 it is as large as
-  it is, and the wheels saturate.
+- "published": as printed. Where e2 is exactly 0 the term counts as 0; close to 0 it is left as
+  large as it is, and the wheels saturate.
 
 Stability assumes that P obeys v, that is: no wheel saturation, no slip, and T small against α.
 Nothing here looks at the trailer.
@@ -34,7 +34,7 @@ from ttwmr_mj.state import FloatArray, RobotState
 
 
 def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovOptions) -> FloatArray:
-    """What stands for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
+    """The term used for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
     if options.singular_terms == "omitted":
         return np.zeros_like(e)
     if options.singular_terms == "regularized":

@@ -4,16 +4,16 @@ The tractor's law v (Eq. 32) is turned by a scalar γ (Eq. 55),
 
     v̄1 = v1 + α4·e4·γ        v̄2 = v2 − α2·e2·γ
 
-which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq. 58's sign mended,
+which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq. 58's sign corrected,
 
     k·θ̈2 = A − D·γ,   A = −v1·sin θ2 + v2·cos θ2,   D = α4·e4·sin θ2 + α2·e2·cos θ2
 
 so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open (w, 1/D, limits, θ2d) is an option;
-the defaults are what it prints, but for `singular_terms` (`controllers.lyapunov`).
+the defaults are as printed, except for `singular_terms` (`controllers.lyapunov`).
 
-Two facts to know before use. The correction turns (e2, e4) at the rate α·γ, for α2 = α4 = α, and
-is nothing where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact
-the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errata.md).
+Two facts to know before use. The correction rotates (e2, e4) at the rate α·γ, for α2 = α4 = α, and
+is zero where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact the
+direction of (e2, e4) runs into D = 0, where the solution ends (docs/errata.md).
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Pure pursuit: drive on the arc that leads to a point of the reference a little ahead in time.
 
 The arc from P, tangent to the heading, through a point (a, b) of the tractor's frame, ahead and to
-the left, has the curvature κ = 2b/(a² + b²). The speed is that of the reference at the aim, and
-what closes the distance along the heading to where the reference is now:
+the left, has the curvature κ = 2b/(a² + b²). The speed is that of the reference at the target
+point, plus a term in the distance along the heading to where the reference is now:
 
     u1 = |v_aim| + g·d,    u2 = κ·u1.
 
@@ -51,7 +51,7 @@ class PurePursuit(Law["PurePursuitOptions"]):
 
 
 class PurePursuitOptions(ControllerOptions):
-    """Drives towards a point ahead on the reference; blind to the trailer."""
+    """Drives towards a point ahead on the reference; ignores the trailer."""
 
     law = PurePursuit
     kind: Literal["pure_pursuit"] = "pure_pursuit"

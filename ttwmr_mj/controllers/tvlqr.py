@@ -17,7 +17,7 @@ turns; at standstill it is not (a robot that stands cannot correct its position 
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
 locally, while no servo saturates and the model is right between samples. Dry friction that the
 robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
-What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
+Outside that region it does not recover: the gains stay the same (`mpc` plans its way back).
 """
 
 from typing import Any, ClassVar, Literal

@@ -92,7 +92,7 @@ class ExtendedParameters(Config):
 
     @classmethod
     def expected(cls, robot: RobotParameters) -> ExtendedParameters:
-        """What the robot's own numbers lead to expect; of side slip they say nothing."""
+        """What the robot's own parameters lead one to expect; they do not determine side slip."""
         return cls(
             wheel_radius_m=robot.tractor.wheel_radius_m,
             track_width_m=robot.tractor.track_width_m,

@@ -12,11 +12,11 @@ from ttwmr_mj.state import FloatArray
 
 
 class FigureEight(PathReference):
-    """Lying eight of P, a 1:2 Lissajous curve (cf. Fig. 19).
+    """Horizontal figure eight of P, a 1:2 Lissajous curve (cf. Fig. 19).
 
     P = centre + (W·sin φ, H·sin 2φ) with φ = phase + 2π·t/period.
 
-    A lying eight that crosses itself at its centre, where φ = 0 and π; there the curvature
+    It crosses itself at its centre, where φ = 0 and π; there the curvature
     changes sign. With H = W/2 it is the lemniscate of Gerono. The path parameter σ is the
     phase travelled, φ − phase.
     """

@@ -17,7 +17,7 @@ BUMP_INTEGRAL = BUMP.integ()
 
 
 class FlatArc(FlatReference):
-    """Arc of F, slow at both ends, then slowly on.
+    """Arc of F, slow at both ends, then onward at the low rate.
 
     F = centre + R·(cos φ, sin φ), φ from one angle to another and on.
 

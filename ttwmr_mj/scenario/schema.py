@@ -1,6 +1,6 @@
 """The scenario: one experiment, every value of it, checked and frozen.
 
-A scenario is a TOML file. Units stand in the names, unknown keys are errors, and what a file leaves
+A scenario is a TOML file. Keys carry their units, unknown keys are errors, and what a file leaves
 out has a documented default. `ttwmr export-schema` prints the same as JSON Schema.
 """
 
@@ -48,7 +48,7 @@ class AtRest(Config):
 
 
 class OnReference(Config):
-    """Start on the reference, moving with it, but for these offsets."""
+    """Start on the reference, moving with it, except for these offsets."""
 
     kind: Literal["on_reference"]
     x_offset_m: Coordinate = Field(
@@ -88,7 +88,7 @@ class AnalyticOptions(Config):
 
 
 class PushOptions(Config):
-    """A force on one half of the robot for a while (contact plant only).
+    """A temporary force on the tractor or the trailer (contact plant only).
 
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
@@ -145,7 +145,7 @@ class ControlOptions(Config):
 
 
 class OutputOptions(Config):
-    """Which files a run leaves beside its numbers."""
+    """Which files a run writes in addition to its numbers."""
 
     recording: bool = Field(default=True, description="write run.rrd for the Rerun viewer")
     figures: bool = Field(default=True, description="write figures/*.png and *.svg")
@@ -168,7 +168,7 @@ def _part_of_robot(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSch
 
 
 class BeliefOptions(Config):
-    """What controller, reference and camera tracker take for true, where it is not."""
+    """What the controller, the reference and the camera tracker assume, where it differs."""
 
     robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of_robot)] = Field(
         default={},

@@ -14,7 +14,7 @@ PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
 class CameraSensing(Config):
-    """The robot seen by the overhead camera, and by nothing else."""
+    """The overhead camera as the only sensor."""
 
     kind: Literal["camera"]
     preset: Literal["lab", "clean"] = Field(

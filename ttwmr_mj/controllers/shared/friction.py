@@ -1,10 +1,10 @@
 """Dry friction in the hitch, as a controller sees it.
 
-Sliding, the hitch takes τ_c from the trailer, against the motion; that acts like an extra θ̈2, which
-a controller can make up for. Stuck, the friction is whatever keeps the hitch locked: a controller
-that counts on the sliding value would push too hard or, with the sign of a noisy rate, chatter. In
-between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck hitch counts
-as free, and breaks away by the error that grows meanwhile.
+A sliding hitch exerts the torque τ_c on the trailer, against the motion; that acts like an extra
+θ̈2, which a controller can compensate. In a stuck hitch the friction is whatever keeps it locked: a
+controller that relies on the sliding value would push too hard or, with the sign of a noisy rate,
+chatter. In between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck
+hitch counts as free, and breaks away because of the error that grows meanwhile.
 
 References, and mpc's predictions, are made on a model with this smooth friction (`planning`): they
 are those of a robot with friction. Gains that are computed once are those of a free hitch: about
@@ -25,7 +25,7 @@ from ttwmr_mj.state import FloatArray
 
 
 class FrictionOptions(Config):
-    """What a controller makes up for of the hitch's dry friction."""
+    """How a controller compensates the hitch's dry friction."""
 
     dry: Literal["ignored", "model"] = Field(
         default="model",
@@ -42,7 +42,7 @@ class FrictionOptions(Config):
 
 
 class HitchFriction:
-    """What a controller believes of the hitch, and makes up for.
+    """What a controller assumes about the hitch, and compensates.
 
     Attributes:
         believed: the robot as the controller takes it to be.

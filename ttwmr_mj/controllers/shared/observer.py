@@ -1,4 +1,4 @@
-"""Where the robot is now: the measurement, however old and noisy, and the commands since.
+"""Where the robot is now: from the measurement, however old and noisy, and the commands since.
 
 The sampled hybrid model predicts, the measurement corrects what was predicted *for its own time*,
 and the commands issued since are replayed. Beside the robot's state the observer learns what the
@@ -43,7 +43,7 @@ PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not 
 
 
 class ObserverOptions(Config):
-    """What the observer believes of its measurements and of the model's gaps.
+    """What the observer assumes about its measurements and the model's errors.
 
     Standard deviations per sample, and of random walks per square root of a second. The defaults
     are those of an overhead camera; they cost little where the measurement is better than that.
@@ -82,7 +82,7 @@ class ObserverOptions(Config):
 
 
 class Observed(NamedTuple):
-    """What the observer believes at a sample."""
+    """The observer's estimate at a sample."""
 
     body: FloatArray  # (nsim, 5) x, y, θ1, θ2, θ̇2
     wheels: FloatArray  # (nsim, 2) the servos' setpoints (right, left) [rad/s]

@@ -30,7 +30,7 @@ STEP = 1e-5  # of the central differences: error of order 1e-10
 
 
 class TrackingWeights(Config):
-    """Scales of the tracking errors: one scale of one costs as much as one scale of another."""
+    """Scales of the tracking errors: an error of one scale costs 1, whichever error it is."""
 
     position_scale_m: float = Field(
         default=0.01,

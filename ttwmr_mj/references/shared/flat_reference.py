@@ -20,7 +20,7 @@ class FlatReference(Reference):
 
     The trailer may point either way along F'' (`dynamics.flatness`). Outside, P runs between F and
     the centre of curvature and the trailer's swing is stable; inside, P runs around F and the
-    trailer falls over outwards if nobody holds it.
+    trailer swings outwards unless it is stabilised.
     """
 
     side: Literal["outside", "inside"] = Field(

@@ -1,4 +1,4 @@
-"""A suite: which controllers meet which tasks, plants, sensors and disturbances.
+"""A suite: which controllers are run on which tasks, plants, sensors and disturbances.
 
 A suite file names the choices on each axis and what each changes in a scenario. Rows are the
 product of the axes, or of those parts of them that `[[block]]` tables pick:
@@ -216,6 +216,6 @@ def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
             faults.append(Fault(key=(f"row {row.key}",), problem=str(error)))
     if faults:
         count = "1 row" if len(faults) == 1 else f"{len(faults)} rows"
-        hint = "a choice's `skip`, or blocks, leave out what does not go together"
+        hint = "exclude combinations that do not go together with `skip` or blocks"
         raise InputError(f"{count} cannot run; {hint}", *faults)
     return scenarios

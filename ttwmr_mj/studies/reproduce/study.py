@@ -82,9 +82,9 @@ def _check_folder(out: Path) -> None:
     if strangers:
         raise InputError.at(
             "--out",
-            f"the folder holds something else ({strangers[0]})",
+            f"the folder holds other files ({strangers[0]})",
             got=str(out),
-            hint="give an empty one, or that of an earlier reproduction, which is then continued",
+            hint="give an empty folder, or that of an earlier reproduction, which then resumes",
         )
 
 

@@ -65,7 +65,7 @@ class Exposure(Config):
 
 
 class Noise(Config):
-    """What the electronics add."""
+    """Noise of the sensor's electronics."""
 
     read_noise: Share = Field(
         default=0.0,
@@ -104,7 +104,7 @@ class Window(Config):
 
 
 class Occluder(Window):
-    """Something opaque between camera and floor: it crosses, or it rides above one half."""
+    """An opaque disc between camera and floor: it crosses, or it moves with tractor or trailer."""
 
     over: Literal["path", "tractor", "trailer"] = Field(
         default="path",
@@ -123,7 +123,7 @@ class Occluder(Window):
 
 
 class Glare(Window):
-    """A bright spot with soft edges that washes colours out."""
+    """A bright spot with soft edges that washes out colours."""
 
     position_px: Pair = Field(
         default=(320.0, 240.0), description="centre of the spot (column, row)"
@@ -162,7 +162,7 @@ class FadedLabel(Config):
 
 
 class Delivery(Config):
-    """Frames that do not come, come again, or come late."""
+    """Frames that are lost, repeated or late."""
 
     dropped: Share = Field(default=0.0, description="share of frames lost; 0.2 is a bad link")
     frozen: Share = Field(

@@ -1,4 +1,4 @@
-"""How the tracker weighs what it sees against what the wheels were told."""
+"""How the tracker weighs what it sees against the commanded wheel speeds."""
 
 from typing import Annotated
 
