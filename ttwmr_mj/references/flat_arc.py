@@ -23,7 +23,8 @@ class FlatArc(FlatReference):
 
     φ̇ = ±(r + (p − r)·bump(t/T)), with T such that the arc takes exactly T; outside of it φ̇ = ±r.
     As r > 0 the centripetal part Rφ̇² of F'' vanishes nowhere, whatever the tangential one; but θ2
-    is the direction of F'', so a small r beside p asks for quick turns (`references.feasibility`).
+    is the direction of F'', so an r much smaller than p requires quick turns
+    (`references.shared.feasibility`).
     """
 
     kind: Literal["flat_arc"] = "flat_arc"

@@ -32,7 +32,7 @@ class Outcome:
 
     Attributes:
         status: "ok", "diverged" (the state left all bounds), "failed" (physics or the controller
-            broke, or the controller took too long), "interrupted" (Ctrl-C).
+            failed, or the controller timed out), "interrupted" (Ctrl-C).
         reason: why, in words; empty when ok.
         time_s: simulated time at the end.
         cause: the exception behind it, if there is one.

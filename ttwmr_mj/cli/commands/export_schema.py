@@ -1,4 +1,4 @@
-"""`ttwmr export-schema`: what may stand in a scenario, for editors."""
+"""`ttwmr export-schema`: what a scenario may hold, for editors."""
 
 from pathlib import Path
 

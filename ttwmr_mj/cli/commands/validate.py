@@ -1,4 +1,4 @@
-"""`ttwmr validate`: are these scenarios right?"""
+"""`ttwmr validate`: are these scenarios valid?"""
 
 import sys
 

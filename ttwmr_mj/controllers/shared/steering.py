@@ -27,7 +27,7 @@ class SteeringLaw(Law[OptionsT]):
     """A law on the observer's state."""
 
     def start(self, task: Task) -> None:
-        """Set up the hitch that is believed in, the sampled model and the observer."""
+        """Set up the assumed hitch, the sampled model and the observer."""
         self._nsim, self._period = task.nsim, task.sampling_time_s
         self._friction = HitchFriction(task.robot, self._options.friction)
         self._robot = self._friction.believed
@@ -35,7 +35,7 @@ class SteeringLaw(Law[OptionsT]):
         self._observer = Observer(self._robot, self._model, self._options.observer)
 
     def _possible(self, wish: FloatArray, now: Observed) -> Command:
-        """The command closest to a wish (nsim, 2) [rad/s]; the observer takes note of it.
+        """The command closest to the desired one (nsim, 2) [rad/s]; the observer takes note of it.
 
         A wish at a limit counts as saturated: who optimises within the limits asks for no more.
         """

@@ -108,7 +108,7 @@ class TrackingProblem:
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
-        """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
+        """(..., 7) states one period later, under a constant disturbance (..., 4)."""
         slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
             state[..., :BODY], state[..., BODY:], command, slip=slip, unexplained=unexplained
@@ -116,7 +116,7 @@ class TrackingProblem:
         return np.concatenate([body, wheels], axis=-1)
 
     def within_limits(self, state: FloatArray, wish: FloatArray) -> FloatArray:
-        """(..., 2) a wish, cut to what the servos reach from a state (..., 7) in one period."""
+        """(..., 2) desired speeds, clipped to what the servos reach from a state in one period."""
         return self._model.within_limits(state[..., BODY:], wish)
 
     def residual(

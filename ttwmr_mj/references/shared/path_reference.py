@@ -21,7 +21,7 @@ class PathReference(Reference):
     """Motion of P along a path p(σ) with σ = σ(t), and the two angles that go with it.
 
     θ1 is the direction of the path's tangent p'(σ), which exists at standstill too; paths are
-    regular (p' ≠ 0) and σ never decreases, so the tractor drives forward. θ2 is asked for by
+    regular (p' ≠ 0) and σ never decreases, so the tractor drives forward. θ2 is chosen by
     name, as Eq. 24 leaves it free:
 
     - aligned: θ2 = θ1. Behind the tractor; on a curve this is no equilibrium of a free trailer.

@@ -1,4 +1,4 @@
-"""The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
+"""The two runs of a comparison, and scenarios that do not mean the same on both plants."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +46,7 @@ def run_pair(
         scenario: what to run; its plant.kind does not matter.
         mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
             each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
+        real_wheels: in open loop, drive the analytic model with the actual wheel speeds.
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:

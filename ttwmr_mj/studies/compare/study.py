@@ -30,8 +30,8 @@ class Options:
     Attributes:
         mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
             each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds, not by
-            their commands: what is left is slip, without the servo.
+        real_wheels: in open loop, drive the analytic model with the actual wheel speeds, not
+            the commanded ones: only slip is left, without the servo.
         attribute: make the attribution tables (always in open loop, under commands).
         converge: make the convergence study.
         fit: fit the extended model.

@@ -26,7 +26,7 @@ class Reproduction:
 
 
 def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) -> Reproduction:
-    """Reproduce the article into a folder; what is finished there already is used again.
+    """Reproduce the article into a folder; results that are finished and up to date are reused.
 
     Args:
         out: the folder; made if missing.

@@ -52,8 +52,8 @@ def track(
         source: a video file, or a camera's index.
         calibration_path: a file of `ttwmr calibrate`.
         folder: for the files; it exists.
-        robot: in the pictures.
-        max_frames: stop after so many; None: at the end.
+        robot: the robot in the pictures.
+        max_frames: stop after this many; None: at the end.
         progress: called with the number of frames done.
 
     Raises:
