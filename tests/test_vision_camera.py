@@ -67,7 +67,7 @@ def test_ignoring_a_labels_height_would_cost_centimetres() -> None:
 
 def test_a_lens_that_folds_the_picture_is_refused() -> None:
     camera = hang_camera(model(), CameraOptions(lens=Lens(k1=-1.0)))
-    with pytest.raises(InputError, match="folds the picture"):
+    with pytest.raises(InputError, match="folds the image"):
         LensMap(camera, 3, 0.0)
 
 
