@@ -237,7 +237,7 @@ def test_a_disturbance_falls_to_an_eth_in_its_time(monkeypatch: pytest.MonkeyPat
     decays, plain = [], tvlqr.lqr
 
     def spy(*given: Any) -> Any:
-        decays.append(given[-1])
+        decays.append(given[3])
         return plain(*given)
 
     monkeypatch.setattr(tvlqr, "lqr", spy)

@@ -39,8 +39,8 @@ def improved(
     *,
     start: FloatArray,
     disturbance: FloatArray,
-    planned: FloatArray,
     lengths: FloatArray,
+    planned: FloatArray | float = 0.0,
     cut: bool = False,
 ) -> Rollout:
     """One Gauss-Newton step from a plan; of a few lengths of the step the one that costs least.
@@ -53,8 +53,8 @@ def improved(
         beyond: (1 or batch, 7 + lasting, 7 + lasting) H.
         start: (batch, 7) where the robot is, near the plan's first state.
         disturbance: (batch, width) which lasts.
-        planned: (1 or batch, width) disturbance of the reference.
         lengths: (m,) of the step.
+        planned: (1 or batch, width) disturbance of the reference.
         cut: commands are cut to the servos' limits.
     """
     n, batch = command.shape[:2]
