@@ -7,9 +7,12 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import Verdict, judge
 from ttwmr_mj.runs import build
+from ttwmr_mj.runs.demands import demands_of
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
@@ -28,6 +31,7 @@ class Result:
         wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
             (bookkeeping), "report".
         control_time_s: (n,) wall time of every command, the whole batch's.
+        demands: what the reference asked of the robot; None without reference.
     """
 
     scenario: Scenario
@@ -35,6 +39,22 @@ class Result:
     outcomes: tuple[Outcome, ...]
     wall_time_s: dict[str, float]
     control_time_s: FloatArray
+    demands: Feasibility | None
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Whether each simulation did its job."""
+        return tuple(
+            judge(
+                self.trajectory.simulation(i),
+                self.scenario.robot,
+                status=outcome.status,
+                reason=outcome.reason,
+                accept=self.scenario.accept,
+                demands=self.demands,
+            )
+            for i, outcome in enumerate(self.outcomes)
+        )
 
 
 class Experiment:
@@ -94,6 +114,7 @@ class Experiment:
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
+            demands=demands_of(scenario, self.reference),
         )
 
     def _blank_rows(self) -> Trajectory:

@@ -9,11 +9,15 @@ import numpy as np
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import Verdict, judge
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.demands import demands_of
 from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
 from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.variants import on_plant
 
 Mode = Literal["open_loop", "closed_loop"]
 
@@ -31,6 +35,24 @@ class Pair:
     def numbers(self) -> Numbers:
         """All numbers a tolerance may be given for."""
         return {**self.deviation.numbers(), **self.residuals.numbers()}
+
+    @property
+    def verdicts(self) -> dict[str, Verdict]:
+        """Plant → whether its run did the scenario's job."""
+        scenario, reference = self.contact.scenario, sample_reference(self.contact.scenario)
+        runs: dict[Literal["contact", "analytic"], Trajectory] = {
+            "contact": self.contact.trajectory,
+            "analytic": self.analytic,
+        }
+        return {
+            kind: judge(
+                rows,
+                scenario.robot,
+                accept=scenario.accept,
+                demands=demands_of(on_plant(scenario, kind), reference),
+            )
+            for kind, rows in runs.items()
+        }
 
 
 def run_pair(
