@@ -27,6 +27,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
@@ -36,7 +37,6 @@ from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
-GRAVITY_M_S2 = 9.81  # standard gravity, as in MuJoCo
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
 FADING_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
 STATES = 5  # x, y, θ1, θ2, swing rate

@@ -1,0 +1,37 @@
+"""The floor: a plane, level or sloping.
+
+World coordinates lie in the floor, so on a slope it is gravity that leans: g·cos(slope) presses on
+the floor and g·sin(slope) pulls along it, downhill.
+"""
+
+import math
+
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.robot import Config
+from ttwmr_mj.state import FloatArray
+
+GRAVITY_M_S2 = 9.81  # standard gravity, as in MuJoCo
+
+
+class Ground(Config):
+    """The floor the robot runs on."""
+
+    slope_rad: float = Field(
+        default=0.0, ge=0, le=0.5, description="of the floor; typically 0.01, half a degree"
+    )
+    downhill_rad: float = Field(
+        default=0.0, ge=-100, le=100, description="direction in which the floor falls, from +x"
+    )
+
+    @property
+    def gravity_m_s2(self) -> FloatArray:
+        """(2,) g_p: what of gravity pulls along the floor."""
+        pull = GRAVITY_M_S2 * math.sin(self.slope_rad)
+        return pull * np.array([math.cos(self.downhill_rad), math.sin(self.downhill_rad)])
+
+    @property
+    def normal_gravity_m_s2(self) -> float:
+        """What of gravity presses on the floor."""
+        return GRAVITY_M_S2 * math.cos(self.slope_rad)
