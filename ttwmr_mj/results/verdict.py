@@ -47,6 +47,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
     "followed": ("followed", "all limits were kept"),
 }
 MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
+FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
 MISSING_TRAILER = "the reference says nothing of the trailer"
 
 
@@ -141,14 +142,21 @@ def _verdict_of(errors: list[Error], broken: list[Error], demands: Feasibility |
         worst = _gravest(tractor)
         return Verdict("lost", worst.number, worst.limit, str(worst))
     if broken:
-        worst, what = _gravest(broken), str(_gravest(broken))
-        if demands and not (free := demands["free trailer"]).kept:
-            what += f"; the reference asks {free.worst:.2g} N·m that no free hitch gives"
+        worst = _gravest(broken)
+        what = f"{worst}{_not_free(demands)}"
         return Verdict("tractor_follows_trailer_lost", worst.number, worst.limit, what)
     nearest = max((e for e in errors if e.time_s is None), key=lambda error: error.share)
     judged = {error.measure for error in errors}
     what = f"at most {nearest}" if len(judged) > 1 else f"at most {nearest}; {MISSING_TRAILER}"
     return Verdict("followed", nearest.number, nearest.limit, what)
+
+
+def _not_free(demands: Feasibility | None) -> str:
+    """What the reference asks of the hitch beyond what it gives; empty if nothing."""
+    for check in demands.checks if demands else ():
+        if check.name == FREE_TRAILER and not check.kept:
+            return f"; the reference asks the hitch for {check.worst:.2g} N·m that it does not have"
+    return ""
 
 
 def _gravest(broken: list[Error]) -> Error:

@@ -10,10 +10,10 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.results.verdict import Verdict, judge
+from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.demands import demands_of
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -45,13 +45,12 @@ class Result:
     def verdicts(self) -> tuple[Verdict, ...]:
         """Whether each simulation did its job."""
         return tuple(
-            judge(
+            verdict_on(
+                self.scenario,
                 self.trajectory.simulation(i),
-                self.scenario.robot,
-                status=outcome.status,
-                reason=outcome.reason,
-                accept=self.scenario.accept,
-                demands=self.demands,
+                self.demands,
+                outcome.status,
+                outcome.reason,
             )
             for i, outcome in enumerate(self.outcomes)
         )

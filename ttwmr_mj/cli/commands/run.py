@@ -20,9 +20,9 @@ class RunCommand(Overrides, NewFolder, name="run"):
     save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.demands import warnings
         from ttwmr_mj.runs.execute import run_scenario
         from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.verdict import warnings
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()

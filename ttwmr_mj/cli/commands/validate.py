@@ -13,7 +13,7 @@ class Validate(Overrides, name="validate"):
     scenarios: tuple[str, ...] = argument(SCENARIO)
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.demands import warnings
+        from ttwmr_mj.runs.verdict import warnings
 
         errors = []
         for scenario in self.scenarios:

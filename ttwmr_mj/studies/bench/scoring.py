@@ -12,9 +12,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.accept import VerdictName
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.results.verdict import VERDICTS, Verdict, judge
+from ttwmr_mj.results.verdict import VERDICTS, Verdict
 from ttwmr_mj.runs.build import sample_reference
-from ttwmr_mj.runs.demands import demands_of
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Suite, rows_of
@@ -140,8 +140,7 @@ def _judged(folder: Path) -> tuple[Metrics, Verdict]:
     key = "control_time_per_sample_us"
     numbers = {**score(trajectory, scenario.robot)[0], key: stored[key]}
     demands = demands_of(scenario, sample_reference(scenario))
-    verdict = judge(trajectory, scenario.robot, accept=scenario.accept, demands=demands)
-    return numbers, verdict
+    return numbers, verdict_on(scenario, trajectory, demands)
 
 
 def _line(names: tuple[str, ...], rows: list[dict[str, Any]]) -> Line:

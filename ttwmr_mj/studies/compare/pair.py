@@ -9,9 +9,9 @@ import numpy as np
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.results.verdict import Verdict, judge
+from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.build import sample_reference
-from ttwmr_mj.runs.demands import demands_of
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
@@ -45,12 +45,7 @@ class Pair:
             "analytic": self.analytic,
         }
         return {
-            kind: judge(
-                rows,
-                scenario.robot,
-                accept=scenario.accept,
-                demands=demands_of(on_plant(scenario, kind), reference),
-            )
+            kind: verdict_on(scenario, rows, demands_of(on_plant(scenario, kind), reference))
             for kind, rows in runs.items()
         }
 
