@@ -108,7 +108,7 @@ def test_the_starts_offset_is_worked_off_evenly(k: int) -> None:
 
 def test_how_long_a_start_may_take_is_said() -> None:
     rows = still()
-    rows.q[:20, 0, 0] = 2.0
+    rows.q[:15, 0, 0] = 2.0
     assert verdict(rows).name == "followed"
     assert verdict(rows, settling_share=0.1).name == "lost"
 

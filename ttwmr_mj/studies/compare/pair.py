@@ -1,6 +1,6 @@
 """The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -42,7 +42,8 @@ class Pair:
         scenario, reference = self.contact.scenario, sample_reference(self.contact.scenario)
         runs: dict[Literal["contact", "analytic"], Trajectory] = {
             "contact": self.contact.trajectory,
-            "analytic": self.analytic,
+            # a replay of commands knows no reference
+            "analytic": replace(self.analytic, ref_q=self.contact.trajectory.ref_q),
         }
         return {
             kind: verdict_on(scenario, rows, demands_of(on_plant(scenario, kind), reference))
