@@ -26,13 +26,14 @@ class AcceptOptions(Config):
     """What counts as followed: the limits of the run's verdict, and the one that is expected."""
 
     verdict: VerdictName = Field(
-        default="followed", description="what this scenario shows; nothing else depends on it"
+        default="followed",
+        description="what this scenario is there to show; the limits below decide what it gets",
     )
     end_tractor_m: float = Field(
         default=0.05,
         gt=0,
-        description="largest distance of P from its reference at the end; typically 0.05, half "
-        "the track width",
+        description="largest distance of P from its reference at the end; typically 0.05, "
+        "less than half the track width",
     )
     end_trailer_m: float = Field(
         default=0.05,
