@@ -115,11 +115,14 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
-    """metrics.json of a run of one simulation: status first, then the numbers."""
+    """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
     (outcome,), (numbers,) = result.outcomes, score(result.trajectory, scenario.robot)
+    (verdict,) = result.verdicts
     took = result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
+        "verdict": verdict.name,
+        "verdict_reason": verdict.what,
         "status": outcome.status,
         "reason": outcome.reason,
         "end_time_s": outcome.time_s,

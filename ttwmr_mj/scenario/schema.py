@@ -15,6 +15,7 @@ from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import REFERENCES, Angle, Point, Reference
+from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.vision.options import CameraSensing
@@ -218,6 +219,7 @@ class Scenario(Config):
         default=TruthSensing(), description="how the controller learns where the robot is"
     )
     output: OutputOptions = OutputOptions()
+    accept: AcceptOptions = AcceptOptions()
 
     @field_validator("initial", mode="before")
     @classmethod
