@@ -10,7 +10,9 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs import build
+from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -78,12 +80,23 @@ class Experiment:
             InputError: the controller refuses at its start.
         """
         scenario, plant = self.scenario, self.plant
-        rng = build.generators(scenario.seed, ("sensor", "controller"))
+        rng = build.generators(scenario.seed, ("sensor", "controller", "commands", "pushes"))
         self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
         if report:
             self.sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
-        loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
+        loop = Loop(
+            scenario,
+            plant,
+            self.sensor,
+            self._controller,
+            self._blank_rows(),
+            report,
+            Actuation(
+                scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
+            ),
+            Push.drawn(scenario.plant.pushes, rng["pushes"].spawn(self.nsim)),
+        )
         task = Task(
             scenario.believed_robot,
             self.reference,

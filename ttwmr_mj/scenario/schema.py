@@ -15,8 +15,9 @@ from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import REFERENCES, Angle, Point, Reference
-from ttwmr_mj.robot import Config, RobotParameters
-from ttwmr_mj.sensing import TruthSensing
+from ttwmr_mj.robot import Config, RobotParameters, merged
+from ttwmr_mj.sensing import Lost, TruthSensing, UpTo10
+from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.options import CameraSensing
 
 SCHEMA_VERSION = 1
@@ -88,6 +89,16 @@ class PushOptions(Config):
         gt=0, le=MAX_DURATION_S, description="how long it lasts; typically 0.1 to 1"
     )
     force_n: Point = Field(description="x, y in the world; the robot's weight is 12 N")
+    random_within_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=MAX_DURATION_S,
+        description="the push starts later than start_s by a time drawn evenly from 0 to this; a "
+        "lap of the reference makes every phase as likely",
+    )
+    random_direction: bool = Field(
+        default=False, description="turn the force by an angle drawn evenly from a whole turn"
+    )
 
 
 class PlantOptions(Config):
@@ -119,6 +130,30 @@ class ControlOptions(Config):
         description="CPU time for one command, after which the run ends as failed; typically 2. "
         "A controller that waits has 15 times as much wall time",
     )
+    command_latency_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="from a sample to where the servos obey its command: whole steps of "
+        "plant.contact.timestep_s, on both plants; typically 0.01",
+    )
+    command_jitter_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="the most that a command takes longer: whole control periods, drawn evenly "
+        "from 0; overtaken ones are discarded; typically 0.033",
+    )
+    command_drop_probability: Lost = Field(
+        default=0.0,
+        description="share of commands that never arrive: servos hold the last one; typically 0.02",
+    )
+
+    @property
+    def commands_are_late(self) -> bool:
+        """Whether commands need time or get lost on their way."""
+        late = self.command_latency_s or self.command_jitter_s or self.command_drop_probability
+        return bool(late)
 
 
 class OutputOptions(Config):
@@ -155,6 +190,21 @@ class BeliefOptions(Config):
     )
     ground: Annotated[dict[str, Any], GetPydanticSchema(_part_of(Ground))] = Field(
         default={}, description="any part of [ground]; what is left out is believed as it is"
+    )
+    camera: Annotated[dict[str, Any], GetPydanticSchema(_part_of(CameraOptions))] = Field(
+        default={},
+        description="any part of [sensing.camera], as it was when the camera was calibrated before "
+        "the run; what is left out was as it is",
+    )
+    latency_s: UpTo10 | None = Field(
+        default=None,
+        description="sensing.latency_s as the controller is told it; left out: the true one. "
+        "Jitter and a clock that is off are never told",
+    )
+    command_latency_s: UpTo10 | None = Field(
+        default=None,
+        description="control.command_latency_s as controller and camera tracker are told it; left "
+        "out: the true one. Jitter and drops are never told",
     )
 
 
@@ -207,6 +257,25 @@ class Scenario(Config):
         return Ground(**self.ground.model_dump() | self.belief.ground)
 
     @property
+    def believed_camera(self) -> CameraOptions:
+        """The camera as it was when calibrated; before a calibration file nobody had moved it.
+
+        Raises:
+            AssertionError: the scenario has no camera.
+        """
+        assert self.sensing.kind == "camera", "asked of a scenario without a camera"
+        camera = self.sensing.camera
+        if self.belief.camera:
+            return CameraOptions(**merged(camera, self.belief.camera))
+        return camera.unmoved if self.sensing.calibration_path else camera
+
+    @property
+    def believed_command_latency_s(self) -> float:
+        """`control.command_latency_s` as controller and camera tracker know it."""
+        told = self.belief.command_latency_s
+        return self.control.command_latency_s if told is None else told
+
+    @property
     def periods(self) -> int:
         """Whole control periods in the run."""
         return int(self.duration_s / self.control.sampling_time_s * (1 + 1e-12))
@@ -220,8 +289,8 @@ class Scenario(Config):
     def steps_per_period(self) -> int:
         """The plant's steps in a control period; the loader made sure it is a whole number.
 
-        The analytic plants solve a whole period at once.
+        The analytic plants solve a whole period at once, unless a command may come within it.
         """
-        if self.plant.kind == "analytic":
+        if self.plant.kind == "analytic" and not self.control.command_latency_s:
             return 1
         return round(self.control.sampling_time_s / self.plant.contact.timestep_s)

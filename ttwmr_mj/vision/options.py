@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ttwmr_mj.files import input_file
-from ttwmr_mj.robot import Config, merged
+from ttwmr_mj.robot import merged
+from ttwmr_mj.sensing import SensingOptions, UpTo10
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -13,7 +14,7 @@ CALIBRATION = "make it with ttwmr calibrate, or leave the key out to calibrate b
 PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
-class CameraSensing(Config):
+class CameraSensing(SensingOptions):
     """The robot seen by the overhead camera, and by nothing else."""
 
     kind: Literal["camera"]
@@ -21,10 +22,8 @@ class CameraSensing(Config):
         default="lab",
         description="camera values that are not given: those of the laboratory, or flawless ones",
     )
-    latency_s: float = Field(
+    latency_s: UpTo10 = Field(
         default=0.033,
-        ge=0,
-        le=10,
         description="from a shutter's closing to its frame's arrival, whole control periods",
     )
     calibration_path: Annotated[str, input_file(CALIBRATION)] | None = Field(
