@@ -81,7 +81,7 @@ class Experiment:
             InputError: the controller refuses at its start.
         """
         scenario, plant = self.scenario, self.plant
-        rng = build.generators(scenario.seed, ("sensor", "controller", "commands", "pushes"))
+        rng = build.generators(scenario.seed, ("sensor", "controller", "commands"))
         self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
         if report:
             self.sensor.keep_log()
@@ -96,7 +96,7 @@ class Experiment:
             Actuation(
                 scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
             ),
-            Push.drawn(scenario.plant.pushes, rng["pushes"].spawn(self.nsim)),
+            Push.of_scenario(scenario, self.nsim),
         )
         task = Task(
             scenario.believed_robot,

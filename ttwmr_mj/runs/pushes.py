@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.scenario.schema import PushOptions
+from ttwmr_mj.runs.build import generators
+from ttwmr_mj.scenario.schema import PushOptions, Scenario
 from ttwmr_mj.state import FloatArray
 
 
@@ -19,10 +20,16 @@ class Push(NamedTuple):
     force_n: FloatArray  # (nsim, 2) x, y in the world
 
     @classmethod
+    def of_scenario(cls, scenario: Scenario, nsim: int = 1) -> tuple[Push, ...]:
+        """A scenario's pushes as its seed draws them, whatever the batch."""
+        rng = generators(scenario.seed, ("pushes",))["pushes"]
+        return cls.drawn(scenario.plant.pushes, rng.spawn(nsim))
+
+    @classmethod
     def drawn(
         cls, pushes: tuple[PushOptions, ...], rngs: list[np.random.Generator]
     ) -> tuple[Push, ...]:
-        """The scenario's pushes for simulations with these generators, in order."""
+        """Pushes of simulations with these generators, in order."""
         chance = np.array([rng.random((len(pushes), 2)) for rng in rngs])
         return tuple(cls._of(push, *chance[:, i].T) for i, push in enumerate(pushes))
 

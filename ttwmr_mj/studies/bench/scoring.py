@@ -14,6 +14,7 @@ from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.judged import judged
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Suite, rows_of
@@ -135,8 +136,9 @@ def lost_reason(numbers: Metrics) -> str:
 
 def _numbers(folder: Path) -> Metrics:
     """The metrics of a run, scored afresh; the control time is as it was measured."""
-    robot = load_scenario(str(folder / "scenario.resolved.toml")).robot
-    trajectory = Trajectory.read(folder / "trajectory.parquet")
+    scenario = load_scenario(str(folder / "scenario.resolved.toml"))
+    robot = scenario.robot
+    trajectory = judged(Trajectory.read(folder / "trajectory.parquet"), scenario)
     stored = json.loads((folder / "metrics.json").read_text())
     return {
         **score(trajectory, robot)[0],
