@@ -105,6 +105,7 @@ class Experiment:
             self.nsim,
             rng["controller"],
             scenario.believed_ground,
+            scenario.believed_command_latency_s,
         )
         loop.run(task)
         return Result(

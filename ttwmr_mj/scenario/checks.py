@@ -16,6 +16,7 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.scenario.schema import Scenario
 
 STEP = "plant.contact.timestep_s"
+MOST_AHEAD = 16  # periods, so that half of what observers remember is left to measurements
 MOST_SAMPLES = 20_000  # a longer run is looked at that often; the run looks at every sample
 
 
@@ -113,6 +114,11 @@ def _command_latency(scenario: Scenario) -> Iterable[Fault]:
     )
     key = ("control", "command_jitter_s")
     yield from _whole_steps(key, jitter_s, period, "control.sampling_time_s")
+    told = "control" if scenario.belief.command_latency_s is None else "belief"
+    if scenario.believed_command_latency_s > (MOST_AHEAD + 0.5) * period:
+        got = f"{scenario.believed_command_latency_s:g}"
+        allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g}, where it is told"
+        yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed)
     if latency_s:
         step = scenario.plant.contact.timestep_s
         yield from _whole_steps(("control", "command_latency_s"), latency_s, step, STEP)
@@ -184,7 +190,7 @@ CHECKS = (
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")),
-    Check(_command_latency, ("plant.kind", "control", STEP)),
+    Check(_command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),
     Check(_believed_camera, ("sensing", "belief")),
     Check(_one_period, ("duration_s", "control")),
     Check(_reference, ("reference", "robot", "belief")),
