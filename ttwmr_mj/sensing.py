@@ -17,25 +17,30 @@ Lost = Annotated[float, Field(ge=0, lt=1)]
 
 
 class SensingOptions(Config):
-    """What lies between a sensor and the controller, whatever the sensor."""
+    """The channel from any sensor to the controller."""
 
     kind: str
-    latency_s: UpTo10 = Field(default=0.0, description="age of what arrives, whole control periods")
+    latency_s: UpTo10 = Field(
+        default=0.0,
+        description="age of the state when it arrives, a whole number of control periods; "
+        "typically 0.033",
+    )
     latency_jitter_s: UpTo10 = Field(
         default=0.0,
-        description="the most that a measurement comes later than latency_s: whole control "
-        "periods, drawn evenly from 0; overtaken ones are discarded; typically 0.033",
+        description="largest additional latency; each measurement's is a random whole number of "
+        "control periods, uniform from 0; overtaken measurements are discarded; typically 0.033",
     )
     drop_probability: Lost = Field(
         default=0.0,
-        description="share of measurements that never arrive: the last one ages; typically 0.02",
+        description="probability that a measurement is lost, so that the last one has to serve; "
+        "typically 0.02",
     )
     clock_offset_s: float = Field(
         default=0.0,
         ge=-10,
         le=10,
-        description="how late the controller's time stamps are: it takes a measurement for that "
-        "much younger than it is; typically 0.01",
+        description="error of the measurements' time stamps; positive: later than the truth, so "
+        "that measurements seem younger than they are; typically 0.01",
     )
 
 
@@ -44,16 +49,19 @@ class TruthSensing(SensingOptions):
 
     kind: Literal["truth"] = "truth"
     position_noise_m: UpTo10 = Field(
-        default=0.0, description="standard deviation of x and y; typically 0.001"
+        default=0.0, description="standard deviation of the noise in x and y; typically 0.001"
     )
     angle_noise_rad: UpTo10 = Field(
-        default=0.0, description="standard deviation of both angles; typically 0.001"
+        default=0.0, description="standard deviation of the noise in both angles; typically 0.001"
     )
     velocity_noise_m_s: UpTo10 = Field(
-        default=0.0, description="standard deviation of P's velocity; typically 0.001"
+        default=0.0, description="standard deviation of the noise in P's velocity; typically 0.001"
     )
     rate_noise_rad_s: float = Field(
-        default=0.0, ge=0, le=100, description="standard deviation of both rates; typically 0.01"
+        default=0.0,
+        ge=0,
+        le=100,
+        description="standard deviation of the noise in both angular rates; typically 0.01",
     )
 
 
@@ -64,7 +72,7 @@ class Estimate:
     Attributes:
         state: estimated q and rates, (nsim, 4) each.
         age_s: (nsim,) time since the state it describes; 0 where latency is compensated.
-        valid: (nsim,) False while the sensor is blind.
+        valid: (nsim,) False while the estimate is invalid, as of a camera that sees no labels.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
         measurement_age_s: (nsim,) age of the newest measurement in it; None: `age_s`.
     """
@@ -84,23 +92,23 @@ class Sensor(ABC):
         """Take this sample's measurement and return the one that has arrived by now."""
 
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:  # noqa: B027
-        """Hear the wheel speeds (nsim, 2) that hold from now on for one period."""
+        """Take note of the wheel speeds (nsim, 2) that hold from now on for one period."""
 
     def keep_log(self) -> None:  # noqa: B027
-        """From now on, keep what was seen for whoever reports on the run."""
+        """From now on, keep what was measured, for reports on the run."""
 
     def close(self) -> None:  # noqa: B027
-        """Give back what the sensor holds."""
+        """Release the sensor's resources."""
 
 
 class MeasurementQueue(LatencyQueue[T]):
-    """The way of measurements to the controller, and the time stamps that it gives them.
+    """The channel of measurements, and the time stamps that the receiver gives them.
 
-    It stamps a measurement with the time of arrival less the latency that it is told, so jitter
-    and a latency that is not told make the stamp late, as a clock that is off does.
+    A time stamp is the time of arrival minus the latency that the receiver assumes. Jitter and a
+    latency that it does not know make the stamp late, as a clock offset does.
 
     Attributes:
-        is_direct: nothing happens on the way, and what arrives is stamped rightly.
+        is_direct: measurements arrive at once, with exact time stamps.
     """
 
     def __init__(
@@ -113,10 +121,10 @@ class MeasurementQueue(LatencyQueue[T]):
         """Set up.
 
         Args:
-            options: of the way.
+            options: the channel.
             period_s: control period; a measurement is sent in each.
             rngs: one per simulation.
-            told_latency_s: the latency that the controller is told; None: the true one.
+            told_latency_s: the latency that the receiver assumes; None: the true one.
         """
         latency, jitter = (
             round(s / period_s) for s in (options.latency_s, options.latency_jitter_s)
