@@ -66,6 +66,7 @@ class ContactPlant:
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
+        self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
@@ -107,6 +108,7 @@ class ContactPlant:
         self._qvel[:] = self._joints.moving(initial.q_rate, self._setpoint, self.model.nv)
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
         self._passed.clear()
+        self._control[:] = self._setpoint  # a command of zero would brake, in the first readings
         self._batch.forward()
         self._roll_balls()
 
