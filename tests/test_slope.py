@@ -77,7 +77,7 @@ def test_a_moving_tractor_feels_no_more_than_its_acceleration_less_gravity(hitch
     robot = RobotParameters(hitch=hitch)
     fine = AnalyticPlant(robot, 1, PERIOD, PERIOD / 512, ground=SLOPE)
     coarse = AnalyticPlant(robot, 1, PERIOD, 0.011, ground=SLOPE)
-    sampled = SampledModel(robot, PERIOD, substep_s=1e-3)
+    sampled = SampledModel(robot, PERIOD, substep_s=1e-3, ground=SLOPE)
     start = RobotState.at_rest(0.0, 0.0, 0.3, 1.2)
     fine.reset(start)
     coarse.reset(start)
@@ -85,9 +85,7 @@ def test_a_moving_tractor_feels_no_more_than_its_acceleration_less_gravity(hitch
     for period in range(40):
         fine.advance(turning(period), 1)
         coarse.advance(turning(period), 1)
-        body, wheels = sampled.advance(
-            body, wheels, turning(period), gravity_m_s2=SLOPE.gravity_m_s2
-        )
+        body, wheels = sampled.advance(body, wheels, turning(period))
     exact = fine.state().q[0]
     # fourth order without friction; an error of second order at every stop with it (step² · 8/s²)
     bound = 1e-7 if hitch == Hitch() else 1e-3

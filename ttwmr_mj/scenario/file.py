@@ -13,7 +13,7 @@ from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import faults_of, suggestion
-from ttwmr_mj.scenario.schema import BeliefOptions, Scenario
+from ttwmr_mj.scenario.schema import Scenario
 
 
 def find_scenario(name_or_path: str) -> Path:
@@ -168,8 +168,10 @@ def _place(container: Any, key: str, override: str) -> Any:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
-    nothing_believed = {"belief"} if scenario.belief == BeliefOptions() else None
-    data = scenario.model_dump(mode="json", exclude=nothing_believed)
+    data = scenario.model_dump(mode="json")
+    believed = {key: value for key, value in data.pop("belief").items() if value}
+    if believed:  # a table that is empty would read as if something were believed
+        data["belief"] = believed
     return tomli_w.dumps(_without_none(data))
 
 
