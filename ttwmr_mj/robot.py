@@ -158,6 +158,9 @@ class Casters(Config):
     rolling_resistance_m: float = Field(
         default=0.0, ge=0, le=0.1, description="resisting torque per normal force; typically 1e-4"
     )
+    socket_friction_n_m: float = Field(
+        default=0.0, ge=0, le=10, description="dry torque of a ball in its socket; typically 1e-4"
+    )
     tractor_position_m: float = Field(
         default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
     )

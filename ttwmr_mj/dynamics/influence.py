@@ -4,13 +4,14 @@ Five numbers, the same for a controller that knows them and for one that has to 
 
     k·θ̈2 = (P'' − g_p)·n + c·v̂·n + k·(friction's θ̈2)
 
-g_p is gravity along the floor (`ground`). Balls of radius ρ that resist with the lever δ hold the
-trailer back with c = g·δ/ρ per mass, against the velocity v of its COM: c acts like gravity along
-−v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
+g_p is gravity along the floor (`ground`). Balls that resist (`balls`) hold the trailer back with
+the force c per mass, against the velocity v of its COM: c acts like gravity along −v̂. The hitch's
+dry and viscous friction act against θ̇2 − θ̇1.
 """
 
 import numpy as np
 
+from ttwmr_mj.dynamics.balls import ball_loads, resistance
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -24,7 +25,8 @@ FADING_M_S = 1e-3  # a trailer slower than this is held back by less: no directi
 def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
     """(5,) what acts on the first trailer of a robot whose numbers are all known."""
     casters, hitch, inertia = robot.casters, robot.hitch, robot.swing_inertia_kg_m2
-    drag = ground.normal_gravity_m_s2 * casters.rolling_resistance_m / casters.radius_m
+    _, load = ball_loads(robot, ground.normal_gravity_m_s2)
+    drag = 2.0 * resistance(robot, casters.rolling_resistance_m, load) / robot.trailer.mass_kg
     friction = hitch.coulomb_friction_n_m / inertia, hitch.damping_n_m_s_rad / inertia
     return np.array([*ground.gravity_m_s2, drag, *friction])
 

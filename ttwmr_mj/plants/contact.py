@@ -1,5 +1,6 @@
 """The robot in MuJoCo contact physics, a batch of simulations on `mujoco.batch.Batch`."""
 
+import copy
 import os
 from typing import NamedTuple
 
@@ -48,21 +49,18 @@ class ContactPlant:
         nsim: int = 1,
         nthread: int = 0,
         *,
-        ground: Ground | None = None,
+        ground: Ground = LEVEL,
     ) -> None:
-        ground = ground or LEVEL
         log = mujoco.MjLogConfig.get()
         # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
         log.logto_file = log.logto_console = False
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(robot, options)
+        self.model = build_model(robot, options, ground)
         self._joints = Joints(self.model)
         self._robot = robot
-        self.model.opt.gravity[2] = -ground.normal_gravity_m_s2
         self._settled_qpos = self._settle()
-        self.model.opt.gravity[:2] = ground.gravity_m_s2
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
@@ -87,7 +85,9 @@ class ContactPlant:
         It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
         the floor's slope, it stands as if it were not pulled along.
         """
-        alone = batch.Batch(self.model, 1, 1)
+        level = copy.copy(self.model)
+        level.opt.gravity[:2] = 0.0
+        alone = batch.Batch(level, 1, 1)
         qpos = alone.bind("qpos")
         alone.reset(keyframe=0)
         standing = np.array(qpos[0])
