@@ -47,36 +47,54 @@ STATES = 5  # x, y, θ1, θ2, swing rate
 class ExtendedParameters(Config):
     """What the extended model has beyond Table I, or instead of it. SI units."""
 
-    wheel_radius_m: float = Field(gt=0, le=1, description="effective; Table I: 0.026")
-    track_width_m: float = Field(gt=0, le=10, description="effective; Table I: 0.119")
+    wheel_radius_m: float = Field(gt=0, le=1, description="effective wheel radius; Table I: 0.026")
+    track_width_m: float = Field(
+        gt=0, le=10, description="effective distance between the wheels; Table I: 0.119"
+    )
     servo_time_constant_s: float = Field(
-        default=0.0, ge=0, le=10, description="of the speed loop without load; about 2e-5"
+        default=0.0,
+        ge=0,
+        le=10,
+        description="time constant of the speed loop without load; typically 2e-5",
     )
     slip_time_s: float = Field(
-        default=0.0, ge=0, le=10, description="side slip of P per centripetal acceleration; 7e-4"
+        default=0.0,
+        ge=0,
+        le=10,
+        description="side slip of P per centripetal acceleration; typically 7e-4",
     )
     hitch_damping_n_m_s_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="damper and viscous friction; about 1e-3"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="coefficient of the hitch's damper and viscous friction; typically 1e-3",
     )
     hitch_coulomb_friction_n_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="dry friction of the hitch; below 1e-3"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="torque of the hitch's dry friction; typically below 1e-3",
     )
     caster_mass_kg: float = Field(
-        default=0.0, ge=0, le=10, description="of one rolling ball; about 1e-3"
+        default=0.0, ge=0, le=10, description="mass of one rolling ball; typically 1e-3"
     )
     rolling_resistance_m: float = Field(
-        default=0.0, ge=0, le=0.1, description="of a ball: resisting torque per load; below 1e-4"
+        default=0.0,
+        ge=0,
+        le=0.1,
+        description="resisting torque of a ball per normal force; typically below 1e-4",
     )
     physics_step_s: float = Field(
         default=0.0005,
         ge=0,
         le=0.01,
-        description="of the contact physics that was fitted: the wheels lead a ramp by half of it",
+        description="physics step of the contact physics it was fitted to: the wheels lead a "
+        "ramp by half of it; typically 5e-4",
     )
 
     @classmethod
     def expected(cls, robot: RobotParameters) -> ExtendedParameters:
-        """What the robot's own numbers lead to expect; of side slip they say nothing."""
+        """What the robot's own parameters lead one to expect; they do not determine side slip."""
         return cls(
             wheel_radius_m=robot.tractor.wheel_radius_m,
             track_width_m=robot.tractor.track_width_m,

@@ -9,7 +9,7 @@ A disturbance is what the model does not explain: slip of P and of the heading, 
 acts on the trailer beside that (`dynamics.influence`) is known with the robot and its floor, or
 given to `advance` by who has found it out.
 
-Dry friction sticks where it can. Who differentiates the model asks for a smooth one instead: with
+Dry friction sticks where it can. To differentiate the model, use a smooth one instead: with
 `smoothing_rad_s` = ε, friction at a hitch rate s is s/√(s² + ε²) of its full size.
 
 The wheels' angles and the heading are exact at the substeps' ends. The swing is integrated by
@@ -129,7 +129,7 @@ class SampledModel:
         return np.stack(to_world(body[..., 2], speed, slip[..., 1]), axis=-1)
 
     def within_limits(self, wheels: FloatArray, wish: FloatArray) -> FloatArray:
-        """(..., 2) the wish, cut to what the servos reach in one period from these setpoints."""
+        """(..., 2) desired speeds, clipped to what the servos reach in one period from `wheels`."""
         limit = self.speed_limit_rad_s
         low = np.maximum(wheels - self.reach_rad_s, -limit)
         high = np.minimum(wheels + self.reach_rad_s, limit)

@@ -84,7 +84,7 @@ class AnalyticPlant(ModelPlant):
         return np.asarray(~np.isfinite(sums + self._setpoint.sum(axis=-1)))
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
-        """As its base says."""
+        """See the base class."""
         tractor, duration = self._robot.tractor, stretches.duration_s
         wheels = tractor.wheel_radius_m, tractor.track_width_m
         u1, u2 = rolling(stretches.speed_rad_s, *wheels)  # (stretch, nsim), linear in time

@@ -1,4 +1,4 @@
-"""Integration of the hitch angle φ = θ2 − θ1 of a trailer behind a tractor that moves as told.
+"""Integration of the hitch angle φ = θ2 − θ1 of a trailer behind a tractor whose motion is given.
 
     φ̈ = (u1·u2·cos φ − u̇1·sin φ)/k − u̇2 + T/(J2 + m2·l²)          (Eq. 17, 24, 27-28)
 

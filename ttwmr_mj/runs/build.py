@@ -1,4 +1,4 @@
-"""From a scenario's words to the objects of a run."""
+"""From a scenario to the objects of a run."""
 
 from pathlib import Path
 
@@ -110,7 +110,7 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
 
     Raises:
         InputError: the calibration cannot be used.
-        MachineError: a camera is asked for and there is no OpenGL.
+        MachineError: the scenario needs a camera and there is no OpenGL.
     """
     section, period = scenario.sensing, scenario.control.sampling_time_s
     if section.kind == "truth":
