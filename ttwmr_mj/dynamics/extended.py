@@ -205,11 +205,17 @@ class ExtendedModel:
 
     def twist(self, wheels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(u1, u2) by Eq. 8-9 with the effective radius and track."""
-        return rolling(wheels, self.values["wheel_radius_m"], self.values["track_width_m"])
+        return rolling(wheels, *self._wheel_geometry)
 
     def wheels(self, twist: FloatArray) -> FloatArray:
         """(nsim, 2) setpoints that drive at a twist (nsim, 2): the inverse of `twist`."""
-        return rolling_wheels(twist, self.values["wheel_radius_m"], self.values["track_width_m"])
+        return rolling_wheels(twist, *self._wheel_geometry)
+
+    @property
+    def _wheel_geometry(self) -> tuple[Value, Value, float]:
+        """Effective radius and track, and the difference of the radii."""
+        difference = self.robot.tractor.wheel_radius_difference_m
+        return self.values["wheel_radius_m"], self.values["track_width_m"], difference
 
     @property
     def _balls(self) -> Value:

@@ -12,6 +12,7 @@ from ttwmr_mj.dynamics.kinematics import (
     q_rate,
     rolling,
     twist_from_wheels,
+    wheel_geometry,
     wheels_from_twist,
     workspace_rate,
 )
@@ -85,8 +86,7 @@ class AnalyticPlant(ModelPlant):
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
         """See the base class."""
-        tractor, duration = self._robot.tractor, stretches.duration_s
-        wheels = tractor.wheel_radius_m, tractor.track_width_m
+        duration, wheels = stretches.duration_s, wheel_geometry(self._robot)
         u1, u2 = rolling(stretches.speed_rad_s, *wheels)  # (stretch, nsim), linear in time
         u1_rate, u2_rate = rolling(stretches.rate_rad_s2, *wheels)
         # the tractor turns and P moves (Eq. 10)

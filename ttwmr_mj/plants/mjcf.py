@@ -11,6 +11,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.runners import add_runner
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import LEFT, RIGHT
 
 TRACTOR_CASTER = "caster_tractor"
 TRAILER_CASTERS = ("caster_trailer_right", "caster_trailer_left")
@@ -93,16 +94,18 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     tractor, casters = robot.tractor, robot.casters
     axle_height, half_track = tractor.wheel_radius_m, robot.half_track_m
     spec.body("tractor").pos = [0.0, 0.0, axle_height]
-    spec.body("wheel_right").pos = [0.0, -half_track, 0.0]
-    spec.body("wheel_left").pos = [0.0, half_track, 0.0]
+    # each axle at its own wheel's radius: the robot stands level
+    heights = [radius - axle_height for radius in tractor.wheel_radii_m]
+    spec.body("wheel_right").pos = [0.0, -half_track, heights[RIGHT]]
+    spec.body("wheel_left").pos = [0.0, half_track, heights[LEFT]]
     ball_height = casters.radius_m - axle_height
     behind, aside = -robot.trailer.com_offset_m, casters.trailer_half_spacing_m
     spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
     spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
     spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
     spec.site("trailer_com").pos = [behind, 0.0, 0.0]
-    radius, half_width = tractor.wheel_radius_m, tractor.wheel_half_width_m
-    for name in WHEELS:
+    half_width = tractor.wheel_half_width_m
+    for name, radius in zip(WHEELS, tractor.wheel_radii_m, strict=True):
         geom = spec.geom(name)
         if tractor.wheel_shape == "cylinder":
             geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
