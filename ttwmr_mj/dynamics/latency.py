@@ -75,7 +75,7 @@ class LatencyFinder:
             q: (nsim, 3 or more) x, y, θ1, …
             due: (nsim,) who has measured.
         """
-        stamp = stamp_s / self._period
+        stamp = np.round(stamp_s / self._period, 6)  # a sum of periods is whole but for rounding
         move = self._move(q)
         usable = due & np.isfinite(move).all(axis=1) & (stamp > self._last_stamp)
         first, last = (at - CANDIDATES[:, None] for at in (self._last_stamp, stamp))
