@@ -12,6 +12,7 @@ from vision_scene import camera, model
 
 import ttwmr_mj as tt
 from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.results.frame import PlaneFrame, rotated
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.judged import camera_frame, frame_metrics, judged
@@ -166,3 +167,39 @@ def test_a_row_is_exposed_as_much_later_as_it_lies_below_the_middle() -> None:
     # bands of 0.05 px, and what a label's centre is off by in any frame
     assert found[:, 0] - truth[:, 0] == pytest.approx(expected, abs=0.08)
     assert found[:, 1] == pytest.approx(still[:, 1], abs=0.06)
+
+
+@pytest.mark.parametrize(
+    ("sets", "late_s"),
+    [
+        ([], 0.0),
+        (["belief.latency_s=0.0"], 0.033),
+        (["belief.latency_s=0.066"], -0.033),
+        (["sensing.clock_offset_s=0.01"], 0.01),
+        (["sensing.latency_s=0.099", "sensing.clock_offset_s=-0.02"], -0.02),
+        (["sensing.drop_probability=0.3"], 0.0),
+    ],
+)
+def test_a_stamp_that_is_late_shows_the_robot_behind(sets: list[str], late_s: float) -> None:
+    """At speed v by v times as much; the tracker carries all the rest to now."""
+    circle = ['initial={kind="on_reference"}', "reference.angular_rate_rad_s=0.6"]
+    _, rows = camera_run(*circle, *sets)
+    error, velocity = ((a[30:, 0, :2]) for a in (rows.est_q - rows.q, rows.q_rate))
+    behind_s = -(error * velocity).sum() / (velocity**2).sum()
+    # 0.2 mm of bias, which is calibration's, at 0.26 m/s
+    assert behind_s == pytest.approx(late_s, abs=1e-3)
+
+
+def test_the_tracker_knows_when_commands_act() -> None:
+    """What it takes for the wheels' twist is what they do, a physics step or two of servo aside."""
+    error = []
+    for told in (0.066, 0.0):
+        sets = ["control.command_latency_s=0.066", f"belief.command_latency_s={told}"]
+        scenario = tt.load_scenario("lab_circle_camera", ["duration_s=1.5", *sets])
+        experiment = Experiment(scenario, scenarios_folder())
+        rows = experiment.run().trajectory
+        history = experiment.sensor.trackers[0].commands  # type: ignore[union-attr]
+        taken = np.array([history.twist(time_s) for time_s in rows.time_s])
+        true = twist_from_wheels(rows.wheel_speed_rad_s[:, 0], scenario.robot)
+        error.append(np.abs(taken - true).mean())
+    assert error[0] < 0.2 * error[1]

@@ -151,6 +151,18 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "control.sampling_time_s",
             "(plant.contact.timestep_s)",
         ),
+        (
+            ["control.command_latency_s=0.528"],
+            ["control.command_latency_s=0.561"],
+            "control.command_latency_s",
+            "at most 16 control periods, 0.528 s",
+        ),
+        (
+            ["control.command_latency_s=0.561", "belief.command_latency_s=0.0"],
+            ["belief.command_latency_s=0.561"],
+            "belief.command_latency_s",
+            "at most 16 control periods",
+        ),
     ],
     "_believed_camera": [
         ([CAMERA, MOVED], [MOVED], "belief.camera", "sensing.kind is 'truth'"),

@@ -1,4 +1,4 @@
-"""What lies between a sender and a receiver: latency, jitter and loss, in whole control periods."""
+"""A channel with latency, jitter and loss, in whole control periods."""
 
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
@@ -10,18 +10,18 @@ from ttwmr_mj.state import BoolArray
 
 T = TypeVar("T")
 IntArray = NDArray[np.int64]
-BLOCK = 512  # periods whose fate is drawn at once
-NEVER = 2**61  # a period that does not come, with room to add to
+BLOCK = 512  # periods for which delays and losses are drawn at once
+NEVER = 2**61  # periods: larger than any run, and does not overflow when a latency is added
 
 
 @dataclass(frozen=True, slots=True)
 class Channel:
-    """How a channel delays and loses what is sent once per control period.
+    """How messages, one per control period, are delayed and lost.
 
     Attributes:
-        latency: periods that everything takes.
-        jitter: the most periods that one takes longer, drawn evenly from 0 to this.
-        drop_probability: share that never arrives.
+        latency: smallest delay, in periods.
+        jitter: largest additional delay, in periods; uniform from 0 for each message.
+        drop_probability: of a message to be lost.
     """
 
     latency: int = 0
@@ -30,26 +30,26 @@ class Channel:
 
     @property
     def is_random(self) -> bool:
-        """Whether anything is drawn."""
+        """Whether delays or losses are random."""
         return bool(self.jitter or self.drop_probability)
 
 
 class Arrived(NamedTuple):
-    """The newest that each simulation's receiver has."""
+    """The newest message that each simulation's receiver has."""
 
     sent: IntArray  # (nsim,) period in which it was sent
-    travel: IntArray  # (nsim,) periods that its way takes
+    travel: IntArray  # (nsim,) its delay, in periods
 
 
 class LatencyQueue(Generic[T]):
-    """Delivers to every simulation the newest of what has arrived.
+    """Delivers to every simulation the newest message that has arrived.
 
-    What arrives after something that was sent later is of no use and is not delivered. The first
-    stands in, never lost, until another has arrived.
+    A message that arrives after one that was sent later is discarded. The first message is there
+    from the start, and is used until another has arrived.
     """
 
     def __init__(self, channel: Channel, rngs: list[np.random.Generator]) -> None:
-        """Set up; each simulation has its generator, so that it does not depend on the batch."""
+        """Set up; every simulation has its own generator, whatever the batch."""
         self._channel, self._rngs = channel, rngs
         self._sent: dict[int, T] = {}
         self._arrival: dict[int, IntArray] = {}
@@ -60,7 +60,7 @@ class LatencyQueue(Generic[T]):
         self._k = -1
 
     def exchange(self, fresh: T) -> Arrived:
-        """Put in what is sent in this period; what the receivers have now. `item` looks it up."""
+        """Send this period's message; returns which message each receiver has now."""
         self._k += 1
         k, travel = self._k, self._drawn(self._k)
         self._sent[k] = fresh
@@ -73,14 +73,14 @@ class LatencyQueue(Generic[T]):
         return Arrived(self._newest.copy(), self._travel.copy())
 
     def item(self, sent: int) -> T:
-        """What was sent in a period that `exchange` has just named."""
+        """The message sent in a period that the last `exchange` named."""
         return self._sent[sent]
 
     def _drawn(self, k: int) -> IntArray:
-        """(nsim,) periods that what is sent in period k takes; NEVER if it is lost."""
+        """(nsim,) delay of the message sent in period k, in periods; NEVER if it is lost."""
         channel, rngs = self._channel, self._rngs
         latency = np.full(len(rngs), channel.latency, dtype=np.int64)
-        if not channel.is_random or k == 0:  # the first is never lost: there is nothing else
+        if not channel.is_random or k == 0:  # the first is never lost
             return latency
         if (k - 1) % BLOCK == 0:
             lost = np.array([rng.random(BLOCK) for rng in rngs]) < channel.drop_probability
@@ -90,7 +90,7 @@ class LatencyQueue(Generic[T]):
         return np.where(self._lost[block], NEVER, latency + self._late[block])
 
     def _forget(self) -> None:
-        """Drop what no receiver has and none will get."""
+        """Delete messages that no receiver has and none will get."""
         for sent in list(self._arrival):
             held = self._newest == sent
             coming = (self._newest < sent) & (self._arrival[sent] < NEVER)

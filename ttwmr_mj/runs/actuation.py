@@ -1,4 +1,4 @@
-"""From the controller's commands to the servos: late, and some never."""
+"""Commands on their way to the servos: delayed, and sometimes lost."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from ttwmr_mj.state import FloatArray
 
 
 class Actuation:
-    """The way of commands to a plant; servos hold the last command that has arrived.
+    """The channel from the controller to the servos, which hold the last command received.
 
-    A command of sample k arrives at k·T + latency, and whole periods of jitter later. Until the
-    first one, servos hold the speeds that they start with.
+    The command of sample k arrives at k·T + latency, plus whole periods of jitter. Until the first
+    one arrives, the servos hold the speeds that they start with.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class Actuation:
         self._command: FloatArray | None = None
 
     def drive(self, plant: Plant, wheel_speed_rad_s: FloatArray) -> None:
-        """Let a plant pass one control period, at whose start this is commanded (nsim, 2)."""
+        """Advance the plant by one control period; the command (nsim, 2) is sent at its start."""
         if self._direct:
             plant.advance(wheel_speed_rad_s, self._steps)
             return

@@ -1,4 +1,4 @@
-"""Runs as they are judged: in the frame of the camera, where it was moved after calibration."""
+"""Runs as they are judged: in the camera's frame, where it was moved after calibration."""
 
 from ttwmr_mj.results.frame import PlaneFrame
 from ttwmr_mj.results.trajectory import Trajectory
@@ -6,7 +6,7 @@ from ttwmr_mj.scenario.schema import Scenario
 
 
 def camera_frame(scenario: Scenario) -> PlaneFrame | None:
-    """What the camera takes for the world; None where that is the world, or nobody looks."""
+    """How the camera sees the world; None if as it is, or without a camera."""
     sensing = scenario.sensing
     if sensing.kind != "camera" or scenario.believed_camera == sensing.camera:
         return None
@@ -19,13 +19,13 @@ def camera_frame(scenario: Scenario) -> PlaneFrame | None:
 
 
 def judged(rows: Trajectory, scenario: Scenario) -> Trajectory:
-    """A run with its truth in the camera's frame: nobody in the loop could know of another."""
+    """The run with its truth in the camera's frame, the only one that the loop can know."""
     frame = camera_frame(scenario)
     return rows if frame is None else frame.applied(rows)
 
 
 def frame_metrics(scenario: Scenario) -> dict[str, float | None]:
-    """Where the camera sees the world's origin and axes; None without a camera."""
+    """Offset and turn of the camera's frame against the world; None without a camera."""
     if scenario.sensing.kind != "camera":
         return {"camera_frame_offset_m": None, "camera_frame_turn_rad": None}
     frame = camera_frame(scenario)

@@ -1,4 +1,4 @@
-"""Forces that disturb the robot: when and whither, where that is left to chance."""
+"""Forces that disturb the robot, with random start and direction where the scenario says so."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ttwmr_mj.state import FloatArray
 
 
 class Push(NamedTuple):
-    """A push as it happens to each simulation."""
+    """A push with the values drawn for each simulation."""
 
     on: str  # "tractor" or "trailer"
     start_s: FloatArray  # (nsim,)
@@ -35,7 +35,7 @@ class Push(NamedTuple):
 
     @classmethod
     def _of(cls, push: PushOptions, delay: FloatArray, turn: FloatArray) -> Push:
-        """One push with shares (nsim,) of the time it may wait and of a whole turn."""
+        """One push; delay and turn (nsim,) are shares of the longest delay and of a full turn."""
         start_s = push.start_s + push.random_within_s * delay
         angle = 2.0 * np.pi * turn * push.random_direction
         (x, y), cos, sin = push.force_n, np.cos(angle), np.sin(angle)
@@ -50,7 +50,7 @@ class Push(NamedTuple):
         return np.asarray(self.force_n * acts[:, None])
 
     def told(self) -> dict[str, Any]:
-        """For the manifest: of the first simulation, as a scenario without chance says it."""
+        """For the manifest: the first simulation's values, as keys of a scenario."""
         start_s, force_n = float(self.start_s[0]), self.force_n[0].tolist()
         start = {"on": self.on, "start_s": start_s, "duration_s": self.duration_s}
         return {**start, "force_n": force_n}

@@ -118,8 +118,9 @@ def _command_latency(scenario: Scenario) -> Iterable[Fault]:
     told = "control" if scenario.belief.command_latency_s is None else "belief"
     if scenario.believed_command_latency_s > (MOST_AHEAD + 0.5) * period:
         got = f"{scenario.believed_command_latency_s:g}"
-        allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g}, where it is told"
-        yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed)
+        allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g} s"
+        hint = "belief.command_latency_s may be less, or 0"
+        yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed, hint=hint)
     if latency_s:
         step = scenario.plant.contact.timestep_s
         yield from _whole_steps(("control", "command_latency_s"), latency_s, step, STEP)

@@ -1,4 +1,4 @@
-"""What a camera that is not where it was calibrated takes for the world."""
+"""The world frame as seen by a camera that was moved after its calibration."""
 
 from copy import copy
 
@@ -11,16 +11,16 @@ from ttwmr_mj.vision.camera.labels import read_layout
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions
 
-GRID = (16, 12)  # pixels of a picture that stand for all, columns and rows
+GRID = (16, 12)  # columns and rows of pixels at which the frame is fitted
 
 
 def camera_frame(model: mujoco.MjModel, true: CameraOptions, believed: CameraOptions) -> PlaneFrame:
-    """The rigid frame closest to what a camera taken for another takes for the world.
+    """The rigid frame that best describes how a moved camera sees the world.
 
     Args:
         model: a scene with the robot; not changed.
-        true: the camera that looks.
-        believed: the camera that it is taken for.
+        true: the camera as it is.
+        believed: the camera as it was calibrated.
     """
     height_m = float(read_layout(model).height_m.mean())
     looking, taken = (hang_camera(copy(model), camera) for camera in (true, believed))
@@ -29,7 +29,7 @@ def camera_frame(model: mujoco.MjModel, true: CameraOptions, believed: CameraOpt
 
 
 def _grid(camera: CameraModel) -> FloatArray:
-    """(n, 2) pixels, spread evenly over the picture."""
+    """(n, 2) pixels, evenly spread over the picture."""
     columns, rows = (
         (np.arange(count) + 0.5) * side / count - 0.5
         for count, side in zip(GRID, (camera.width_px, camera.height_px), strict=True)

@@ -68,8 +68,8 @@ class CameraSensor(Sensor):
             rng: source of all noise and faults.
             joint_positions: the plant's, (nsim, nq), so that frames show every joint; of a plant
                 without joints, the robot is drawn from q alone.
-            told_latency_s: as of `MeasurementQueue`.
-            told_command_latency_s: after what time the trackers take a command to act.
+            told_latency_s: latency that the trackers assume; None: the true one.
+            told_command_latency_s: latency of commands that the trackers assume.
             segmentation: whether frames carry the class of every pixel; costs time.
 
         Raises:
@@ -87,16 +87,15 @@ class CameraSensor(Sensor):
         made = [self._worker.submit(make, child) for child in children[::3]]
         self.cameras: list[VirtualCamera] = [camera.result() for camera in made]
         self.layout = layout = self.cameras[0].layout
-        self.trackers = [
-            Tracker(calibrated, layout, believed, section.tracker) for _ in range(nsim)
-        ]
+        known = calibrated, layout, believed, section.tracker
+        self.trackers = [Tracker(*known) for _ in range(nsim)]
         self.estimates: list[TrackEstimate] = []
         delivery = section.camera.faults.delivery
         self._faults = [DeliveryFaults(delivery, child) for child in children[1::3]]
         self._log: list[CameraRecord] | None = None
         self._period_s = period_s
-        way = section, period_s, children[2::3], told_latency_s
-        self._travelling = MeasurementQueue[Future[Frames]](*way)
+        channel = section, period_s, children[2::3], told_latency_s
+        self._travelling = MeasurementQueue[Future[Frames]](*channel)
         self._arrived = np.full(nsim, -1)  # period in which the last frames were taken
         self._command_latency_s = told_command_latency_s
         self._believed = believed

@@ -79,7 +79,7 @@ class CameraModel:
 def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     """The camera of a scene as it really is, with this lens.
 
-    It is moved and turned as the options ask; its parent is taken to be the world.
+    The model's camera, a child of the world, is moved and turned by the options: once per call.
 
     Raises:
         KeyError: the scene has no camera of that name.
