@@ -46,6 +46,10 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     options, robot = scenario.plant, scenario.robot
     refuse_trains(robot)
     period_s, longest_s = scenario.control.sampling_time_s, options.analytic.max_step_s
+    if options.kind == "analytic" and scenario.torque_input:
+        from ttwmr_mj.plants.kinetic import KineticPlant
+
+        return KineticPlant(robot, nsim, period_s, longest_s, scenario.ground.gravity_m_s2)
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
@@ -60,7 +64,8 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
-    return ContactPlant(robot, options.contact, nsim=nsim)
+    torque = scenario.torque_input
+    return ContactPlant(robot, options.contact, nsim=nsim, torque_input=torque)
 
 
 def make_controller(
@@ -74,7 +79,12 @@ def make_controller(
     faults = scenario.controller.faults(scenario.reference, reference)
     if faults:
         raise InputError(*faults)
-    return scenario.controller.make(folder)
+    law = scenario.controller.make(folder)
+    if scenario.control.inner_loop != "computed_torque":
+        return law
+    from ttwmr_mj.controllers.shared.computed_torque import ComputedTorque
+
+    return ComputedTorque(law, scenario.control.rate_gain_1_s)
 
 
 def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path) -> Sensor:

@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
 
@@ -23,6 +23,7 @@ Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
+TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
 SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -140,6 +141,8 @@ class Loop:
         try:
             with deadline:
                 command = self.controller.command(k, estimate)
+            if self.scenario.torque_input:
+                command = _with_torques_logged(command, self.plant.nsim)
             self._check(command)
             self.sensor.commanded(command.wheel_speed_rad_s)
         except (Exception, SystemExit, Overrun) as error:
@@ -163,7 +166,9 @@ class Loop:
             if scenario.plant.pushes:
                 time_s = k * scenario.control.sampling_time_s
                 plant.push(_forces(scenario.plant.pushes, time_s))
-            plant.advance(command.wheel_speed_rad_s, scenario.steps_per_period)
+            torque = command.wheel_torque_n_m if scenario.torque_input else None
+            drive = command.wheel_speed_rad_s if torque is None else torque
+            plant.advance(drive, scenario.steps_per_period)
         now = self.watch.lap("plant")
         if self.report and now - self._last_report_s > REPORT_EVERY_S:
             self.report(self.rows.rows(self._reported, self.done))
@@ -214,6 +219,19 @@ class Loop:
         """The same end for every simulation that has none yet."""
         for i in range(self.plant.nsim):
             self.ends.setdefault(i, outcome)
+
+
+def _with_torques_logged(command: Command, nsim: int) -> Command:
+    """The command of a controller that must give wheel torques, these among its signals."""
+    torque = command.wheel_torque_n_m
+    if torque is None:
+        raise ValueError("there are no wheel torques, which control.inner_loop = 'torque' needs")
+    if np.shape(torque) != (nsim, 2):
+        raise ValueError(f"wheel torques have shape {np.shape(torque)}, allowed: ({nsim}, 2)")
+    if not math.isfinite(torque.sum()):
+        raise ValueError(f"wheel torques are not finite: {torque.tolist()}")
+    columns = dict(zip(TORQUE_SIGNALS, torque.T, strict=True))
+    return replace(command, signals={**command.signals, **columns})
 
 
 def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:

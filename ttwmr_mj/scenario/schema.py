@@ -119,6 +119,18 @@ class ControlOptions(Config):
         description="CPU time for one command, after which the run ends as failed; typically 2. "
         "A controller that waits has 15 times as much wall time",
     )
+    inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
+        default="velocity_servo",
+        description="what turns the wheels: servos at the law's wheel speeds; torques computed by "
+        "Eq. 23 for these speeds; torques that a law of one's own gives itself",
+    )
+    rate_gain_1_s: float = Field(
+        default=10.0,
+        ge=0,
+        le=1e4,
+        description="λ of computed_torque: feedback of the wheels' speeds; typically 10, stable "
+        "below 2 / sampling_time_s",
+    )
 
 
 class OutputOptions(Config):
@@ -205,6 +217,11 @@ class Scenario(Config):
     def believed_ground(self) -> Ground:
         """The floor as the controller knows it; `ground` is driven on."""
         return Ground(**self.ground.model_dump() | self.belief.ground)
+
+    @property
+    def torque_input(self) -> bool:
+        """Whether wheel torques drive the robot, not wheel speeds."""
+        return self.control.inner_loop != "velocity_servo"
 
     @property
     def periods(self) -> int:
