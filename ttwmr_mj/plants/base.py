@@ -31,6 +31,10 @@ class Plant(Protocol):
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) true wheel speeds (right, left)."""
 
+    def encoder_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds as the servos' encoders have them."""
+        return self.wheel_speed_rad_s()
+
     def advance(self, command: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds or torques (nsim, 2) (right, left) for a number of steps."""
 

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Firmware
 from ttwmr_mj.dynamics.servo import ramp
+from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
@@ -34,7 +35,7 @@ class WheelContacts(NamedTuple):
     slip_m_s: FloatArray  # velocity of the robot's surface over the floor
 
 
-class ContactPlant:
+class ContactPlant(Plant):
     """MuJoCo rigid bodies, contacts and servos behind the `Plant` protocol.
 
     A single run is a batch of one, so there is one code path; results are the same bits at any
@@ -134,6 +135,10 @@ class ContactPlant:
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
         return np.array(self._qvel[:, self._joints.wheel_qvel])
+
+    def encoder_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds as a motor's encoder last had them; else the true ones."""
+        return self._firmware.measured_rad_s if self._firmware else self.wheel_speed_rad_s()
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo generalized positions, for drawing the robot."""

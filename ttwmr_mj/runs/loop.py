@@ -137,6 +137,8 @@ class Loop:
         watch, rows = self.watch, self.rows
         watch.lap("loop")
         estimate = self.sensor.observe(truth)
+        if self.scenario.torque_input:
+            estimate = replace(estimate, wheel_speed_rad_s=self.plant.encoder_speed_rad_s())
         asked = watch.lap("sensing")
         try:
             with deadline:

@@ -1,7 +1,7 @@
 """Computed torque: from the wheel speeds that a law wants to the wheel torques that give them.
 
 The law's speeds, ramped as a servo would ramp them, are what the wheels shall have at the period's
-end, ω_d(k+1). With the estimated speeds ω of the wheels,
+end, ω_d(k+1). With the wheels' speeds ω by their encoders,
 
     ω̇ = (ω_d(k+1) − ω_d(k))/T + λ·(ω_d(k) − ω),
 
@@ -21,7 +21,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S
-from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels, workspace_rate
 from ttwmr_mj.dynamics.motor import gear_friction
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.dynamics.torques import inverse_dynamics
@@ -49,7 +49,8 @@ class ComputedTorque(Controller):
         command = self._law.command(k, estimate)
         state, period = estimate.state, self._task.sampling_time_s
         rate = workspace_rate(state.q, state.q_rate)
-        speed = wheels_from_twist(rate[:, :2], self._robot)
+        speed = estimate.wheel_speed_rad_s
+        assert speed is not None, "the loop knows the encoders where torques drive"
         before = speed if self._wanted is None else self._wanted
         after = ramp(before, command.wheel_speed_rad_s, self._robot.servo, np.array([period]))[:, 0]
         self._wanted = after
