@@ -44,7 +44,7 @@ class Estimate:
         valid: (nsim,) False while the sensor is blind.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
         measurement_age_s: (nsim,) age of the newest measurement in it; None: `age_s`.
-        wheel_speed_rad_s: (nsim, 2) of the wheels (right, left) by their encoders, always fresh;
+        wheel_angle_rad: (nsim, 2) of the wheels (right, left) by their encoders, always fresh;
             known where wheel torques drive the robot, else None.
     """
 
@@ -53,7 +53,7 @@ class Estimate:
     valid: BoolArray
     labels_found: FloatArray
     measurement_age_s: FloatArray | None = None
-    wheel_speed_rad_s: FloatArray | None = None
+    wheel_angle_rad: FloatArray | None = None
 
 
 class Sensor(ABC):

@@ -60,7 +60,6 @@ class Firmware:
 
     Attributes:
         period_s: of its loop.
-        measured_rad_s: (nsim, 2) speeds of the wheels by the encoder, at the last call.
     """
 
     def __init__(self, motor: Motor) -> None:
@@ -79,10 +78,9 @@ class Firmware:
         """
         before = np.arange(self._window, 0, -1)[:, None, None] * self._motor.loop_period_s
         angles = angle_rad - before * speed_rad_s
-        self._counts = deque(self._counted(angles), maxlen=self._window)
+        self._counts = deque(self.counted(angles), maxlen=self._window)
         self._waiting = deque([given] * self._delay)
         self._integral: FloatArray = np.zeros_like(angle_rad)
-        self.measured_rad_s = speed_rad_s
 
     def speed_voltage(self, angle_rad: FloatArray, set_speed_rad_s: FloatArray) -> FloatArray:
         """Voltages (nsim, 2) for the coming loop period, by the speed loop.
@@ -92,7 +90,7 @@ class Firmware:
             set_speed_rad_s: (nsim, 2), which the delay holds back.
         """
         motor, wanted = self._motor, self._delayed(set_speed_rad_s)
-        error = wanted - self._measure(angle_rad)
+        error = wanted - self._measured(angle_rad)
         integral = self._integral + motor.loop_period_s * error
         ahead = motor.feedforward_share * motor.volts_per_speed * wanted
         ahead = ahead + motor.speed_gain_v_s_rad * error
@@ -106,27 +104,26 @@ class Firmware:
         """Voltages (nsim, 2) that give torques (nsim, 2), gear friction not taken off."""
         motor, wanted = self._motor, self._delayed(torque_n_m)
         current = wanted / motor.torque_per_ampere
-        back = motor.volts_per_speed * self._measure(angle_rad)
+        back = motor.volts_per_speed * self._measured(angle_rad)
         return self._driven(motor.resistance_ohm * current + back)
 
-    def _delayed(self, given: FloatArray) -> FloatArray:
-        self._waiting.append(given)
-        return self._waiting.popleft()
-
-    def _measure(self, angle_rad: FloatArray) -> FloatArray:
-        """Mean speed over the window that ends now, as the encoder has it."""
-        now = self._counted(angle_rad)
-        moved = now - self._counts[0]
-        self._counts.append(now)  # the oldest falls out
-        self.measured_rad_s = moved / self._motor.encoder_window_s
-        return self.measured_rad_s
-
-    def _counted(self, angle_rad: FloatArray) -> FloatArray:
+    def counted(self, angle_rad: FloatArray) -> FloatArray:
         """Angles [rad] in whole counts, to the nearest: forward is as backward."""
         counts = self._motor.encoder_counts_per_turn
         if not counts:
             return angle_rad
         return np.asarray(np.rint(angle_rad * (counts / (2.0 * np.pi))) * (2.0 * np.pi / counts))
+
+    def _delayed(self, given: FloatArray) -> FloatArray:
+        self._waiting.append(given)
+        return self._waiting.popleft()
+
+    def _measured(self, angle_rad: FloatArray) -> FloatArray:
+        """Mean speed over the window that ends now, as the encoder has it."""
+        now = self.counted(angle_rad)
+        moved = now - self._counts[0]
+        self._counts.append(now)  # the oldest falls out
+        return np.asarray(moved / self._motor.encoder_window_s)
 
     def _driven(self, wish_v: FloatArray) -> FloatArray:
         """What the drive makes of a wanted voltage."""

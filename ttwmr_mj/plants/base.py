@@ -31,9 +31,11 @@ class Plant(Protocol):
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) true wheel speeds (right, left)."""
 
-    def encoder_speed_rad_s(self) -> FloatArray:
-        """(nsim, 2) wheel speeds as the servos' encoders have them."""
-        return self.wheel_speed_rad_s()
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles the wheels have turned, as their encoders have them.
+
+        Only plants that torques drive are asked.
+        """
 
     def advance(self, command: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds or torques (nsim, 2) (right, left) for a number of steps."""
@@ -137,6 +139,10 @@ class ModelPlant(EquationPlant):
         duration_s = steps * self.time_step_s
         stretches = cut(*change, duration_s, self._longest_s, self._physics_step_s)
         self.follow(stretches.lasting, ramp(*change, np.array([duration_s]))[:, 0])
+
+    def encoder_angle_rad(self) -> FloatArray:
+        """Never asked: wheel speeds drive these plants."""
+        raise NotImplementedError
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""

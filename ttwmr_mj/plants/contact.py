@@ -136,9 +136,10 @@ class ContactPlant(Plant):
         """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
         return np.array(self._qvel[:, self._joints.wheel_qvel])
 
-    def encoder_speed_rad_s(self) -> FloatArray:
-        """(nsim, 2) wheel speeds as a motor's encoder last had them; else the true ones."""
-        return self._firmware.measured_rad_s if self._firmware else self.wheel_speed_rad_s()
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles of the wheels, to a count of a motor's encoder."""
+        angles = np.array(self._qpos[:, self._joints.wheel_qpos])
+        return self._firmware.counted(angles) if self._firmware else angles
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo generalized positions, for drawing the robot."""

@@ -16,7 +16,7 @@ from ttwmr_mj.dynamics.torques import FADING_RAD_S, LEVEL, acceleration, spun_ma
 from ttwmr_mj.plants.base import EquationPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState
 
 
 class KineticPlant(EquationPlant):
@@ -51,16 +51,23 @@ class KineticPlant(EquationPlant):
     def reset(self, initial: RobotState) -> None:
         """Take over pose and motion; a sideways velocity of P is dropped (Eq. 3)."""
         rate = workspace_rate(initial.q, initial.q_rate)
-        self._state = np.concatenate([initial.q, rate], axis=-1)
+        self._theta1 = initial.q[:, THETA1]  # where the wheels' angles are zero
+        path = np.zeros((self.nsim, 1))
+        self._state = np.concatenate([initial.q, rate, path], axis=-1)
 
     def state(self) -> RobotState:
         """The state now, as fresh arrays."""
-        q, rate = self._state[:, :4].copy(), self._state[:, 4:]
+        q, rate = self._state[:, :4].copy(), self._state[:, 4:7]
         return RobotState(q=q, q_rate=q_rate(q, rate))
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left): they roll."""
         return wheels_from_twist(self._state[:, 4:6], self._robot)
+
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles of the wheels, exactly."""
+        turned = np.stack([self._state[:, 7], self._state[:, THETA1] - self._theta1], axis=-1)
+        return wheels_from_twist(turned, self._robot)
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
@@ -72,9 +79,9 @@ class KineticPlant(EquationPlant):
         torque = np.clip(command, -limit, limit)
 
         def rate(_: float, state: FloatArray) -> FloatArray:
-            q, xi = state[:, :4], state[:, 4:]
+            q, xi = state[:, :4], state[:, 4:7]
             change = acceleration(q, xi, torque, self._robot, self._gravity)
-            return np.concatenate([q_rate(q, xi), change], axis=-1)
+            return np.concatenate([q_rate(q, xi), change, xi[:, :1]], axis=-1)
 
         duration_s = steps * self.time_step_s
         count = max(1, math.ceil(duration_s / self._longest_s - 1e-9))  # 0.033/0.011 is three

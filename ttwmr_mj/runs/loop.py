@@ -138,7 +138,7 @@ class Loop:
         watch.lap("loop")
         estimate = self.sensor.observe(truth)
         if self.scenario.torque_input:
-            estimate = replace(estimate, wheel_speed_rad_s=self.plant.encoder_speed_rad_s())
+            estimate = replace(estimate, wheel_angle_rad=self.plant.encoder_angle_rad())
         asked = watch.lap("sensing")
         try:
             with deadline:

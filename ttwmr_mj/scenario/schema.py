@@ -125,11 +125,11 @@ class ControlOptions(Config):
         "Eq. 23 for these speeds; torques that a law of one's own gives itself",
     )
     rate_gain_1_s: float = Field(
-        default=10.0,
+        default=20.0,
         ge=0,
         le=1e4,
-        description="λ of computed_torque: feedback of the wheels' speeds; typically 10, stable "
-        "below 2 / sampling_time_s",
+        description="λ of computed_torque: wheels return to where they shall be at this rate; "
+        "typically 20, stable below 1.4 / sampling_time_s",
     )
 
 
