@@ -9,17 +9,16 @@ On a slope gravity's component along the floor pulls at both centres of mass (no
 As in `kinetics`, functions work over any leading axes; ξ̇ = (ṡ, θ̇1, θ̇2).
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.kinetics import first_moments, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.dynamics.kinematics import to_body
+from ttwmr_mj.dynamics.kinetics import gravity, reduced_bias, reduced_mass_matrix
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT, THETA1, THETA2, FloatArray
 
-LEVEL = (0.0, 0.0)  # gravity along a level floor [m/s²]
 FADING_RAD_S = 0.01  # dry friction fades below this hitch rate, a turn in ten minutes
 
 
@@ -41,10 +40,10 @@ def acceleration(
     workspace_rate: FloatArray,
     wheel_torque_n_m: FloatArray,
     robot: RobotParameters,
-    gravity_m_s2: Sequence[float] | FloatArray = LEVEL,
+    ground: Ground = LEVEL,
 ) -> FloatArray:
     """(s̈, θ̈1, θ̈2) (..., 3) under wheel torques (..., 2): Eq. 23 solved for ξ̈."""
-    load = _load(q, workspace_rate, robot, gravity_m_s2)
+    load = _load(q, workspace_rate, robot, ground)
     load[..., :2] += forces_at_p(wheel_torque_n_m, robot)
     mass = spun_mass_matrix(q, robot)
     # the tractor's turn stands alone, drive and swing are coupled
@@ -60,13 +59,13 @@ def inverse_dynamics(
     workspace_rate: FloatArray,
     twist_rate: FloatArray,
     robot: RobotParameters,
-    gravity_m_s2: Sequence[float] | FloatArray = LEVEL,
+    ground: Ground = LEVEL,
 ) -> FloatArray:
     """Wheel torques (..., 2) that give P and the tractor (u̇1, u̇2) = (s̈, θ̈1) (..., 2).
 
     The trailer swings as Eq. 23's third row lets it.
     """
-    mass, load = spun_mass_matrix(q, robot), _load(q, workspace_rate, robot, gravity_m_s2)
+    mass, load = spun_mass_matrix(q, robot), _load(q, workspace_rate, robot, ground)
     swing = (load[..., 2] - mass[..., 2, 0] * twist_rate[..., 0]) / mass[..., 2, 2]
     drive = mass[..., 0, 0] * twist_rate[..., 0] + mass[..., 0, 2] * swing - load[..., 0]
     turn = mass[..., 1, 1] * twist_rate[..., 1] - load[..., 1]
@@ -94,23 +93,14 @@ def hitch_torque(
 
 
 def _load(
-    q: FloatArray,
-    workspace_rate: FloatArray,
-    robot: RobotParameters,
-    gravity_m_s2: Sequence[float] | FloatArray,
+    q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
     """(..., 3) all that acts on (s, θ1, θ2) but the wheels: inertia, hitch and gravity."""
     load = -reduced_bias(q, workspace_rate, robot)
     torque = hitch_torque(q, workspace_rate, robot, FADING_RAD_S)
     load[..., 1] -= torque
     load[..., 2] += torque
-    east, north = gravity_m_s2
-    if east or north:
-        nose, tail = first_moments(robot)
-        cos, sin = np.cos(q[..., THETA1:]), np.sin(q[..., THETA1:])
-        aside = north * cos - east * sin  # to the left of the tractor and of the trailer
-        weight = robot.tractor.mass_kg + robot.trailer.mass_kg
-        load[..., 0] += weight * (east * cos[..., 0] + north * sin[..., 0])
-        load[..., 1] += nose * aside[..., 0]
-        load[..., 2] -= tail * aside[..., 1]
+    G = gravity(q, ground.gravity_m_s2, robot)
+    load[..., 0] -= to_body(q[..., THETA1], G[..., 0], G[..., 1])[0]
+    load[..., 1:] -= G[..., THETA1:]
     return load

@@ -5,14 +5,14 @@ step is short enough for the fastest of spring, damper and friction.
 """
 
 import math
-from collections.abc import Sequence
 
 import numpy as np
 
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import first_moments
-from ttwmr_mj.dynamics.torques import FADING_RAD_S, LEVEL, acceleration, spun_mass_matrix
+from ttwmr_mj.dynamics.torques import FADING_RAD_S, acceleration, spun_mass_matrix
 from ttwmr_mj.plants.base import EquationPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.robot import RobotParameters
@@ -32,7 +32,7 @@ class KineticPlant(EquationPlant):
         nsim: int,
         time_step_s: float,
         max_integration_step_s: float,
-        gravity_m_s2: Sequence[float] | FloatArray = LEVEL,
+        ground: Ground = LEVEL,
     ) -> None:
         """Build the plant, at rest at the origin.
 
@@ -41,10 +41,10 @@ class KineticPlant(EquationPlant):
             nsim: simulations in the batch.
             time_step_s: duration of one step of `advance`.
             max_integration_step_s: upper bound of the Runge-Kutta step.
-            gravity_m_s2: along the floor, (x, y).
+            ground: the floor.
         """
         self.nsim, self.time_step_s = nsim, time_step_s
-        self._robot, self._gravity = robot, gravity_m_s2
+        self._robot, self._ground = robot, ground
         self._longest_s = min(max_integration_step_s, _stable_step_s(robot))
         self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
 
@@ -80,7 +80,7 @@ class KineticPlant(EquationPlant):
 
         def rate(_: float, state: FloatArray) -> FloatArray:
             q, xi = state[:, :4], state[:, 4:7]
-            change = acceleration(q, xi, torque, self._robot, self._gravity)
+            change = acceleration(q, xi, torque, self._robot, self._ground)
             return np.concatenate([q_rate(q, xi), change, xi[:, :1]], axis=-1)
 
         duration_s = steps * self.time_step_s

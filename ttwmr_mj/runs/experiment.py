@@ -43,7 +43,7 @@ class Experiment:
     Attributes:
         scenario: what to run.
         nsim: simulations in the batch; they differ by their sensor noise only.
-        reference: the sampled reference, or None.
+        reference: the sampled reference that the run is judged by, or None.
         plant: the plant, reset at every run.
         sensor: made anew at every run; None before the first.
     """
@@ -65,17 +65,18 @@ class Experiment:
         self.plant: Plant = build.make_plant(scenario, nsim)
         self.sensor: Sensor | None = None
         self._folder = folder or Path()
-        self._controller = build.make_controller(scenario, self.reference, self._folder)
+        self._told = build.believed_reference(scenario)
+        self._controller = build.make_controller(scenario, self._told, self._folder)
 
     def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
-        """Run from the initial state to the end, or to where it breaks.
+        """Run from the initial state to the end, or until it fails.
 
         Args:
             initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, every now and then and at the end.
 
         Raises:
-            InputError: the controller refuses at its start.
+            InputError: the controller cannot start.
         """
         scenario, plant = self.scenario, self.plant
         rng = build.generators(scenario.seed, ("sensor", "controller"))
@@ -86,7 +87,7 @@ class Experiment:
         loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
         task = Task(
             scenario.believed_robot,
-            self.reference,
+            self._told,
             scenario.control.sampling_time_s,
             self.nsim,
             rng["controller"],

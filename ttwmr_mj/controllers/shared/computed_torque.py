@@ -45,7 +45,7 @@ class ComputedTorque(Controller):
         """Start the law."""
         self._law.start(task)
         self._robot, self._period = task.robot, task.sampling_time_s
-        self._gravity = task.ground.gravity_m_s2
+        self._ground = task.ground
         self._wheels: WantedWheels | None = None
 
     def command(self, k: int, estimate: Estimate) -> Command:
@@ -74,7 +74,7 @@ class ComputedTorque(Controller):
         """(nsim, 2) torques for wheel accelerations, at wanted wheel speeds."""
         twist_rate = twist_from_wheels(rate, self._robot)
         xi = workspace_rate(state.q, state.q_rate)
-        torque = inverse_dynamics(state.q, xi, twist_rate, self._robot, self._gravity)
+        torque = inverse_dynamics(state.q, xi, twist_rate, self._robot, self._ground)
         motor = self._robot.servo.motor
         return torque if motor is None else torque + gear_friction(speed, motor, FADING_RAD_S)
 

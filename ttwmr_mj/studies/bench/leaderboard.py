@@ -11,19 +11,20 @@ from ttwmr_mj.studies.bench.suite import AXES
 
 HEAD = ["controller", *COLUMNS, "failures"]
 RULES = (
-    "Errors are rms over the second half of a run; over seeds the median, “worst” the worst.",
-    "“trailer” is its centre of mass; “settled” the time from which P stays within 10 mm, “–” if "
-    "it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if it broke off, or is lost: it came to its end, but in the last fifth of it "
-    f"the trailer's centre of oscillation was once more than {LOST_CENTRE_M:g} m off, or P more "
-    f"than {LOST_P_M:g} m where the reference has no trailer. Failures count both.",
-    "Numbers are over the runs that came to their end, lost ones too.",
+    "Errors are rms over the second half of a run; the median over seeds, or the largest in "
+    "columns named “worst”.",
+    "“trailer” is the trailer's centre of mass; “settled” is the time after which P stays within "
+    "10 mm, “–” if it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
+    "A run has failed if it ended early or was lost. Lost: it finished, but at some time in its "
+    f"last fifth the trailer's centre of oscillation was more than {LOST_CENTRE_M:g} m off, or P "
+    f"more than {LOST_P_M:g} m where the reference has no trailer. Failures count both.",
+    "Errors cover all runs that finished, lost ones included.",
     "Ranked by failures, then by the trailer's error.",
-    "Control time is wall time per sample on the machine as it was, several runs at once.",
+    "Control time is wall time per sample, measured with several runs at once.",
 )
 OVERVIEW = (
-    "Trailer rms, mm, median over seeds: the best of each row in bold, “lost” and “failed” as in "
-    "the rules, empty what is not in the suite. Controllers with fewer failures first."
+    "Trailer rms, mm, median over seeds: the best of each row in bold, “lost” and “failed” as "
+    "defined above, empty if not in the suite. Controllers with fewer failures first."
 )
 
 

@@ -48,7 +48,7 @@ class Line:
         names: axis → name.
         values: column → number; None where undefined.
         runs: how many there were.
-        failures: how many of them broke off or were lost.
+        failures: how many of them ended early or were lost.
         lost: how many of them were lost.
         reason: of the first failure.
         command: runs its first seed again.
@@ -124,7 +124,7 @@ def _scored(stored: dict[str, Any], run: Path, folder: Path) -> dict[str, Any]:
 
 
 def lost_reason(numbers: Metrics) -> str:
-    """Why a run that came to its end counts as lost; empty if it does not."""
+    """Why a run that finished counts as lost; empty if it does not."""
     centre, tractor = numbers.get(LAST_CENTRE), numbers.get(LAST_P)
     if centre is not None:
         where, error, limit = "the trailer's centre of oscillation", centre, LOST_CENTRE_M
