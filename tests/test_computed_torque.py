@@ -9,7 +9,6 @@ import pytest
 
 from ttwmr_mj.controllers.shared.computed_torque import WantedWheels
 from ttwmr_mj.dynamics.torques import spun_mass_matrix
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
@@ -173,10 +172,3 @@ def test_a_law_without_sound_torques_ends_the_run(tmp_path: Path, torque: str, w
     outcome = own_law(tmp_path, torque).outcomes[0]
     assert outcome.status == "failed"
     assert words in outcome.reason
-
-
-def test_what_eq_23_cannot_mean_is_refused_by_key() -> None:
-    spring = ["plant.kind=analytic", "plant.analytic.published_spring=true"]
-    load_scenario("lab_circle", spring)
-    with pytest.raises(InputError, match=r"plant\.analytic\.published_spring"):
-        load_scenario("lab_circle", [*spring, COMPUTED])
