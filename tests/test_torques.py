@@ -11,11 +11,10 @@ from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist
 from ttwmr_mj.dynamics.kinetics import forward_acceleration, kinetic_energy
 from ttwmr_mj.dynamics.torques import (
     acceleration,
-    forces_at_p,
     hitch_torque,
     inverse_dynamics,
     spun_mass_matrix,
-    torques_for,
+    wheel_jacobian,
 )
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
@@ -48,20 +47,29 @@ def energy(q: np.ndarray, rate: np.ndarray, xi: np.ndarray, robot: RobotParamete
     return kinetic_energy(q, rate, robot) + 0.5 * spin(robot) * (wheels**2).sum(axis=-1)
 
 
-def test_forces_at_p_do_the_work_of_the_torques() -> None:
-    force, wheels = forces_at_p(TORQUE, FREE), wheels_from_twist(XI[:, :2], FREE)
-    power = (TORQUE * wheels).sum(axis=1)
-    np.testing.assert_allclose((force * XI[:, :2]).sum(axis=1), power, rtol=1e-12)
-    np.testing.assert_allclose(torques_for(force, FREE), TORQUE, rtol=0, atol=1e-16)
+UNEQUAL = RobotParameters(
+    tractor=FREE.tractor.model_copy(update={"wheel_radius_difference_m": 0.001})
+)
+RESISTED = RobotParameters(casters=Casters(rolling_resistance_m=1e-4, socket_friction_n_m=1e-4))
+
+
+def test_the_wheels_of_one_radius_give_f_and_tau() -> None:
+    """f = (τ_r + τ_l)/r and τ = b·(τ_r − τ_l)/r, weightless and at rest: SᵀMS·ξ̈ = (f, τ, 0)."""
+    change = acceleration(Q, np.zeros((20, 3)), TORQUE, FREE)
+    force = np.einsum("kij,kj->ki", spun_mass_matrix(Q, FREE), change)
+    radius, (right, left) = FREE.tractor.wheel_radius_m, TORQUE.T
+    expected = [(right + left) / radius, FREE.half_track_m * (right - left) / radius, 0 * right]
+    np.testing.assert_allclose(force.T, expected, rtol=0, atol=1e-12)
 
 
 def test_without_spinning_parts_it_is_the_article_s_model() -> None:
     given = acceleration(Q, XI, TORQUE, WEIGHTLESS)
-    expected = forward_acceleration(Q, XI, forces_at_p(TORQUE, WEIGHTLESS), 0.0, WEIGHTLESS)
+    force = TORQUE @ wheel_jacobian(WEIGHTLESS)
+    expected = forward_acceleration(Q, XI, force, 0.0, WEIGHTLESS)
     np.testing.assert_allclose(given, expected, rtol=1e-9)
 
 
-@pytest.mark.parametrize("robot", [FREE, HITCHED])
+@pytest.mark.parametrize("robot", [FREE, HITCHED, UNEQUAL, RESISTED])
 @pytest.mark.parametrize("ground", [LEVEL, SLOPE], ids=["level", "slope"])
 def test_backward_is_the_inverse_of_forward(robot: RobotParameters, ground: Ground) -> None:
     change = acceleration(Q, XI, TORQUE, robot, ground)
@@ -69,9 +77,9 @@ def test_backward_is_the_inverse_of_forward(robot: RobotParameters, ground: Grou
     np.testing.assert_allclose(torque, TORQUE, rtol=0, atol=1e-13)
 
 
-def test_the_power_of_all_forces_is_the_change_of_energy() -> None:
-    """Wheel torques, hitch and gravity: dE/dt by a central difference along the motion."""
-    robot = HITCHED
+@pytest.mark.parametrize("robot", [HITCHED, UNEQUAL, RESISTED])
+def test_the_power_of_all_forces_is_the_change_of_energy(robot: RobotParameters) -> None:
+    """Wheels, hitch, balls and gravity: dE/dt by a central difference along the motion."""
     change = acceleration(Q, XI, TORQUE, robot, SLOPE)
     step = 1e-5
 
@@ -82,7 +90,7 @@ def test_the_power_of_all_forces_is_the_change_of_energy() -> None:
 
     growth = (after(1.0) - after(-1.0)) / (2 * step)
     wheels = (TORQUE * wheels_from_twist(XI[:, :2], robot)).sum(axis=1)
-    hitch = hitch_torque(Q, XI, robot, 0.01) * (XI[:, 2] - XI[:, 1])
+    hitch = hitch_torque(Q, XI, robot) * (XI[:, 2] - XI[:, 1])
     velocity = q_rate(Q, XI)
     masses = robot.tractor.mass_kg, robot.trailer.mass_kg
     weight = np.zeros(len(Q))
@@ -92,14 +100,40 @@ def test_the_power_of_all_forces_is_the_change_of_energy() -> None:
         aside = np.stack([-np.sin(Q[:, i]), np.cos(Q[:, i])], axis=-1)
         com_velocity = velocity[:, :2] + offset * velocity[:, i : i + 1] * aside
         weight += mass * com_velocity @ SLOPE.gravity_m_s2
+    balls = -power_of_balls(velocity, robot)
     # what is left are the difference's second-order terms
-    np.testing.assert_allclose(growth, wheels + hitch + weight, rtol=0, atol=1e-6)
+    np.testing.assert_allclose(growth, wheels + hitch + weight + balls, rtol=0, atol=1e-6)
+
+
+def power_of_balls(velocity: np.ndarray, robot: RobotParameters) -> np.ndarray:
+    """(n,) what balls burn: force times speed, of three balls at their places.
+
+    The force is N·δ/ρ + τ/ρ, with the nose's load m1·g·a1/d and half the trailer's weight.
+    """
+    casters, burnt = robot.casters, np.zeros(len(velocity))
+    g = 9.81 * np.cos(SLOPE.slope_rad)
+    nose = robot.tractor.mass_kg * g * robot.tractor.com_offset_m / casters.tractor_position_m
+    tail, spacing = 0.5 * robot.trailer.mass_kg * g, casters.trailer_half_spacing_m
+    behind = -robot.trailer.com_offset_m
+    for load, i, ahead, left in (
+        (nose, 2, casters.tractor_position_m, 0.0),
+        (tail, 3, behind, spacing),
+        (tail, 3, behind, -spacing),
+    ):
+        cos, sin = np.cos(Q[:, i]), np.sin(Q[:, i])
+        arm = np.stack([cos * ahead - sin * left, sin * ahead + cos * left], axis=-1)
+        speed = velocity[:, :2] + velocity[:, i : i + 1] * arm[:, ::-1] * [-1.0, 1.0]
+        force = (
+            load * casters.rolling_resistance_m + casters.socket_friction_n_m
+        ) / casters.radius_m
+        burnt += force * np.hypot(*speed.T)
+    return burnt
 
 
 def test_hitch_friction_opposes_and_the_spring_pulls_back() -> None:
     q, xi = np.array([0.0, 0.0, 0.1, 0.4]), np.array([0.0, 0.2, 0.7])
     expected = -0.02 * 0.3 - 1e-3 * 0.5 - 1e-3
-    assert float(hitch_torque(q, xi, HITCHED, 0.01)) == pytest.approx(expected, rel=1e-12)
+    assert float(hitch_torque(q, xi, HITCHED)) == pytest.approx(expected, rel=1e-12)
 
 
 # --- as a plant ------------------------------------------------------------------------------

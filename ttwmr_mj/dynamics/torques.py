@@ -1,38 +1,33 @@
 """Eq. 11-23 (corrected) driven by wheel torques: what accelerations they give, and which they take.
 
-Virtual work with Eq. 8-9 turns torques on the wheels into the forces of Eq. 18,
-f = (τ_r + τ_l)/r and τ = b·(τ_r − τ_l)/r. The wheels and what their motors' rotors are at the wheel
-spin along, which Table I leaves out: with J_w for each, 2·J_w/r² joins the mass of ṡ, and b²-fold
-the inertia of θ1.
+Virtual work with Eq. 8-9 turns torques on the wheels into the forces of Eq. 18; for wheels of one
+radius f = (τ_r + τ_l)/r and τ = b·(τ_r − τ_l)/r. The wheels and what their motors' rotors are at
+the wheel spin along, which Table I leaves out: with J_w for each, 2·J_w/r² joins the mass of ṡ, and
+b²-fold the inertia of θ1.
 
-On a slope gravity's component along the floor pulls at both centres of mass (nomenclature's G(q)).
+Beside the inertia act the hitch (spring, damper, dry friction), balls that resist, and gravity's
+component along a floor that slopes (nomenclature's G(q)).
 As in `kinetics`, functions work over any leading axes; ξ̇ = (ṡ, θ̇1, θ̇2).
 """
 
 import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics.balls import ball_loads, direction, resistance
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.kinematics import to_body
+from ttwmr_mj.dynamics.kinematics import to_body, to_world, wheels_from_twist
 from ttwmr_mj.dynamics.kinetics import gravity, reduced_bias, reduced_mass_matrix
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import LEFT, RIGHT, THETA1, THETA2, FloatArray
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 FADING_RAD_S = 0.01  # dry friction fades below this hitch rate, a turn in ten minutes
+FADING_M_S = 1e-3  # a ball's resistance fades below this speed
 
 
-def forces_at_p(wheel_torque_n_m: FloatArray, robot: RobotParameters) -> FloatArray:
-    """The f [N] and τ [N·m] of Eq. 18 (..., 2) that wheel torques (..., 2) (right, left) exert."""
-    right, left = wheel_torque_n_m[..., RIGHT], wheel_torque_n_m[..., LEFT]
-    radius, half_track = robot.tractor.wheel_radius_m, robot.half_track_m
-    return np.stack([(right + left) / radius, (right - left) * (half_track / radius)], axis=-1)
-
-
-def torques_for(force: FloatArray, robot: RobotParameters) -> FloatArray:
-    """The inverse of `forces_at_p`."""
-    drive, turn = 0.5 * force[..., 0], 0.5 * force[..., 1] / robot.half_track_m
-    return np.asarray(robot.tractor.wheel_radius_m * np.stack([drive + turn, drive - turn], -1))
+def wheel_jacobian(robot: RobotParameters) -> FloatArray:
+    """(2, 2) wheel speeds (right, left) per u1 and per u2 (Eq. 8-9)."""
+    return wheels_from_twist(np.eye(2), robot).T
 
 
 def acceleration(
@@ -42,16 +37,10 @@ def acceleration(
     robot: RobotParameters,
     ground: Ground = LEVEL,
 ) -> FloatArray:
-    """(s̈, θ̈1, θ̈2) (..., 3) under wheel torques (..., 2): Eq. 23 solved for ξ̈."""
-    load = _load(q, workspace_rate, robot, ground)
-    load[..., :2] += forces_at_p(wheel_torque_n_m, robot)
-    mass = spun_mass_matrix(q, robot)
-    # the tractor's turn stands alone, drive and swing are coupled
-    a, b, c, d = mass[..., 0, 0], mass[..., 1, 1], mass[..., 0, 2], mass[..., 2, 2]
-    scale = 1.0 / (a * d - c * c)
-    drive = scale * (d * load[..., 0] - c * load[..., 2])
-    swing = scale * (a * load[..., 2] - c * load[..., 0])
-    return np.stack([drive, load[..., 1] / b, swing], axis=-1)
+    """(s̈, θ̈1, θ̈2) (..., 3) under wheel torques (..., 2) (right, left): Eq. 23 solved for ξ̈."""
+    load = other_forces(q, workspace_rate, robot, ground) - reduced_bias(q, workspace_rate, robot)
+    load[..., :2] += _times(wheel_jacobian(robot).T, wheel_torque_n_m)
+    return np.asarray(np.linalg.solve(spun_mass_matrix(q, robot), load[..., None])[..., 0])
 
 
 def inverse_dynamics(
@@ -65,42 +54,73 @@ def inverse_dynamics(
 
     The trailer swings as Eq. 23's third row lets it.
     """
-    mass, load = spun_mass_matrix(q, robot), _load(q, workspace_rate, robot, ground)
+    load = other_forces(q, workspace_rate, robot, ground) - reduced_bias(q, workspace_rate, robot)
+    mass = spun_mass_matrix(q, robot)
     swing = (load[..., 2] - mass[..., 2, 0] * twist_rate[..., 0]) / mass[..., 2, 2]
-    drive = mass[..., 0, 0] * twist_rate[..., 0] + mass[..., 0, 2] * swing - load[..., 0]
-    turn = mass[..., 1, 1] * twist_rate[..., 1] - load[..., 1]
-    return torques_for(np.stack([drive, turn], axis=-1), robot)
+    force = _times(mass[..., :2, :2], twist_rate) - load[..., :2]
+    force[..., 0] += mass[..., 0, 2] * swing
+    per_wheel = np.asarray(np.linalg.inv(wheel_jacobian(robot)).T, dtype=np.float64)
+    return _times(per_wheel, force)
 
 
 def spun_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """SᵀMS of Eq. 23 (..., 3, 3), wheels and rotors spinning along."""
-    mass = reduced_mass_matrix(q, robot)
+    mass, jacobian = reduced_mass_matrix(q, robot), wheel_jacobian(robot)
     spin = wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
-    added = 2.0 * spin / robot.tractor.wheel_radius_m**2
-    mass[..., 0, 0] += added
-    mass[..., 1, 1] += added * robot.half_track_m**2
+    # elementwise: a fused product would couple what equal wheels do not
+    mass[..., :2, :2] += spin * np.add.reduce(jacobian[:, :, None] * jacobian[:, None], axis=0)
     return mass
 
 
-def hitch_torque(
-    q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, fading_rad_s: float
+def other_forces(
+    q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
+    """(..., 3) what hitch, balls and gravity do to (s, θ1, θ2) [N, N·m, N·m]."""
+    force = _balls(q, workspace_rate, robot, ground)
+    torque = hitch_torque(q, workspace_rate, robot)
+    force[..., 1] -= torque
+    force[..., 2] += torque
+    G = gravity(q, ground.gravity_m_s2, robot)
+    force[..., 0] -= to_body(q[..., THETA1], G[..., 0], G[..., 1])[0]
+    force[..., 1:] -= G[..., THETA1:]
+    return force
+
+
+def hitch_torque(q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters) -> FloatArray:
     """Torque (...) of spring, damper and dry friction on the trailer [N·m]."""
     angle = q[..., THETA2] - q[..., THETA1]
     rate = workspace_rate[..., 2] - workspace_rate[..., 1]
-    dry = robot.hitch.coulomb_friction_n_m * np.tanh(rate / fading_rad_s)
+    dry = robot.hitch.coulomb_friction_n_m * np.tanh(rate / FADING_RAD_S)
     return spring_damper_torque(angle, rate, robot.hitch) - dry
 
 
-def _load(
+def held_back(robot: RobotParameters, ground: Ground) -> tuple[float, float]:
+    """Force [N] that holds back the nose's ball, and each of the trailer's."""
+    lever = robot.casters.rolling_resistance_m
+    nose, tail = ball_loads(robot, ground.normal_gravity_m_s2)
+    return float(resistance(robot, lever, nose)), float(resistance(robot, lever, tail))
+
+
+def _balls(
     q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
-    """(..., 3) all that acts on (s, θ1, θ2) but the wheels: inertia, hitch and gravity."""
-    load = -reduced_bias(q, workspace_rate, robot)
-    torque = hitch_torque(q, workspace_rate, robot, FADING_RAD_S)
-    load[..., 1] -= torque
-    load[..., 2] += torque
-    G = gravity(q, ground.gravity_m_s2, robot)
-    load[..., 0] -= to_body(q[..., THETA1], G[..., 0], G[..., 1])[0]
-    load[..., 1:] -= G[..., THETA1:]
-    return load
+    force, (nose, tail) = np.zeros_like(workspace_rate), held_back(robot, ground)
+    if not (nose or tail):
+        return force
+    speed, turn1, turn2 = np.moveaxis(workspace_rate, -1, 0)
+    reach = robot.casters.tractor_position_m
+    ahead, left = direction(speed, reach * turn1, FADING_M_S)
+    force[..., 0] -= nose * ahead
+    force[..., 1] -= nose * reach * left
+    hitch, length = q[..., THETA2] - q[..., THETA1], robot.trailer.com_offset_m
+    along, across = to_body(hitch, speed, 0.0)
+    for side in (-robot.casters.trailer_half_spacing_m, robot.casters.trailer_half_spacing_m):
+        ahead, left = direction(along - side * turn2, across - length * turn2, FADING_M_S)
+        force[..., 0] -= tail * to_world(hitch, ahead, left)[0]
+        force[..., 2] += tail * (length * left + side * ahead)
+    return force
+
+
+def _times(matrix: FloatArray, vector: FloatArray) -> FloatArray:
+    """Matrix (..., 2, 2) times vector (..., 2), the same bits whatever the batch."""
+    return matrix[..., 0] * vector[..., :1] + matrix[..., 1] * vector[..., 1:]

@@ -1,5 +1,6 @@
 """The robot in MuJoCo contact physics, a batch of simulations on `mujoco.batch.Batch`."""
 
+import copy
 import os
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
-from ttwmr_mj.dynamics.motor import Firmware
+from ttwmr_mj.dynamics.motor import Drive, Firmware
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
@@ -50,26 +51,25 @@ class ContactPlant(Plant):
         nsim: int = 1,
         nthread: int = 0,
         *,
-        ground: Ground | None = None,
+        ground: Ground = LEVEL,
         torque_input: bool = False,
     ) -> None:
-        ground = ground or LEVEL
         log = mujoco.MjLogConfig.get()
         # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
         log.logto_file = log.logto_console = False
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(robot, options, torque_input=torque_input)
+        self.model = build_model(robot, options, ground, torque_input=torque_input)
         self._joints = Joints(self.model)
         self._robot, self._torque_input = robot, torque_input
+        self._drive = Drive.of(robot.servo, torque_input=torque_input)
         self._firmware = Firmware(motor) if (motor := robot.servo.motor) else None
-        self.model.opt.gravity[2] = -ground.normal_gravity_m_s2
         self._settled_qpos = self._settle()
-        self.model.opt.gravity[:2] = ground.gravity_m_s2
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
+        self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
@@ -90,7 +90,9 @@ class ContactPlant(Plant):
         It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
         the floor's slope, it stands as if it were not pulled along.
         """
-        alone = batch.Batch(self.model, 1, 1)
+        level = copy.copy(self.model)
+        level.opt.gravity[:2] = 0.0
+        alone = batch.Batch(level, 1, 1)
         qpos = alone.bind("qpos")
         alone.reset(keyframe=0)
         standing = np.array(qpos[0])
@@ -115,6 +117,8 @@ class ContactPlant(Plant):
             angles = np.array(self._qpos[:, self._joints.wheel_qpos])
             self._firmware.reset(angles, self._setpoint, given)
         self._passed.clear()
+        # inputs that give no torque: of zero, servos would brake in the first readings
+        self._control[:] = self._drive.back * self._setpoint
         self._batch.forward()
         self._roll_balls()
 

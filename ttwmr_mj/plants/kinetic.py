@@ -1,7 +1,7 @@
 """The kinetic model (Eq. 11-23, corrected) as a plant: wheel torques drive it.
 
-The wheels roll without slip and the hitch's dry friction fades near standstill; the integration
-step is short enough for the fastest of spring, damper and friction.
+The wheels roll without slip. Dry friction of the hitch and of balls fades near standstill; the
+integration step is short enough for the fastest of spring, damper and friction.
 """
 
 import math
@@ -12,7 +12,13 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import first_moments
-from ttwmr_mj.dynamics.torques import FADING_RAD_S, acceleration, spun_mass_matrix
+from ttwmr_mj.dynamics.torques import (
+    FADING_M_S,
+    FADING_RAD_S,
+    acceleration,
+    held_back,
+    spun_mass_matrix,
+)
 from ttwmr_mj.plants.base import EquationPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.robot import RobotParameters
@@ -45,7 +51,7 @@ class KineticPlant(EquationPlant):
         """
         self.nsim, self.time_step_s = nsim, time_step_s
         self._robot, self._ground = robot, ground
-        self._longest_s = min(max_integration_step_s, _stable_step_s(robot))
+        self._longest_s = min(max_integration_step_s, _stable_step_s(robot, ground))
         self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
 
     def reset(self, initial: RobotState) -> None:
@@ -89,14 +95,17 @@ class KineticPlant(EquationPlant):
             self._state = runge_kutta(rate, self._state, duration_s / count)
 
 
-def _stable_step_s(robot: RobotParameters) -> float:
+def _stable_step_s(robot: RobotParameters, ground: Ground) -> float:
     """Longest stable step for the hitch, as an oscillator of its two halves' inertias."""
     mass = spun_mass_matrix(np.zeros(4), robot)
     # the trailer swings most easily with the tractor free to yield along the heading
     swinging = mass[2, 2] - first_moments(robot)[1] ** 2 / mass[0, 0]
     inertia = 1.0 / (1.0 / mass[1, 1] + 1.0 / swinging)
-    hitch = robot.hitch
-    damping = hitch.damping_n_m_s_rad + hitch.coulomb_friction_n_m / FADING_RAD_S
+    hitch, casters, (nose, tail) = robot.hitch, robot.casters, held_back(robot, ground)
+    lever = robot.trailer.com_offset_m**2 + casters.trailer_half_spacing_m**2
+    balls = nose * casters.tractor_position_m**2 + 2.0 * tail * lever
+    damping = hitch.damping_n_m_s_rad + balls / FADING_M_S
+    damping += hitch.coulomb_friction_n_m / FADING_RAD_S
     linear = np.array([[0.0, 1.0], [-hitch.stiffness_n_m_rad / inertia, -damping / inertia]])
     fastest = float(np.abs(np.linalg.eigvals(linear)).max())
     return RK4_STABLE_RADIUS / fastest if fastest else math.inf

@@ -41,7 +41,7 @@ class ContactRun:
     def commands(self) -> FloatArray:
         """(n − 1, 2) what drove the wheels in every period: speeds [rad/s], or torques [N·m]."""
         rows = self.trajectory
-        if self.scenario.torque_input:
+        if self.scenario.control.torque_input:
             return np.concatenate([rows.signals[name] for name in TORQUE_SIGNALS], axis=1)[:-1]
         return rows.wheel_command_rad_s[:-1, 0]
 

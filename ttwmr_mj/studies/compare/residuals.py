@@ -104,7 +104,7 @@ def _energy_lost(run: ContactRun) -> FloatArray:
     q, rate, wheels = physics.q, physics.q_rate, physics.wheel_speed_rad_s
     kinetic = kinetic_energy(q, rate, robot) + 0.5 * driven_inertia(robot) * (wheels**2).sum(axis=1)
     # MuJoCo solves for a step's torque and moves by the speed at the step's end
-    drive = Drive.of(robot.servo, torque_input=run.scenario.torque_input)
+    drive = Drive.of(robot.servo, torque_input=run.scenario.control.torque_input)
     end_speed = wheels[1:]
     power = (drive.torque(physics.inputs, end_speed) * end_speed).sum(axis=1)
     power += _hitch_torque(run) * _mid_step(hitch_angles(rate)[:, 0])
