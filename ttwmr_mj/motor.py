@@ -54,61 +54,103 @@ class Motor(Config):
 
     preset: Literal["lab", "fast"] = Field(
         default="lab",
-        description="AX-12 class, 6.2 rad/s, or AX-12W class, 49 rad/s; default: the servo's",
+        description="data sheet that fills in the rest; lab: AX-12 class, 6.2 rad/s without load; "
+        "fast: AX-12W class, 49 rad/s; default: the servo's preset",
     )
     supply_voltage_v: float = Field(
         default=12.0, gt=0, le=100, description="largest voltage on the winding; typically 12"
     )
     resistance_ohm: float = Field(
-        default=8.0, gt=0, le=1e4, description="R of winding and drive; typically 8"
+        default=8.0, gt=0, le=1e4, description="R: resistance of winding and drive; typically 8"
     )
     torque_constant_n_m_a: float = Field(
         default=0.00728, gt=0, le=10, description="K_t: motor torque per ampere; typically 0.007"
     )
     back_emf_v_s_rad: float = Field(
-        default=0.00728, gt=0, le=10, description="K_e: voltage per rad/s of the motor, K_t in SI"
+        default=0.00728,
+        gt=0,
+        le=10,
+        description="K_e: voltage induced per rad/s of the motor, equal to K_t in SI units; "
+        "typically 0.007",
     )
     current_limit_a: float = Field(
-        default=1.5, gt=0, le=1e3, description="the drive's limit of the current; typically 1.5"
+        default=1.5, gt=0, le=1e3, description="largest current of the drive; typically 1.5"
     )
     gear_ratio: float = Field(
-        default=254.0, ge=1, le=1e4, description="N: turns of the motor per turn of the wheel"
+        default=254.0,
+        ge=1,
+        le=1e4,
+        description="N: turns of the motor per turn of the wheel; typically 30 to 300",
     )
     gear_efficiency: float = Field(
-        default=0.602, gt=0, le=1, description="η: share of the torque that the gear passes on"
+        default=0.602,
+        gt=0,
+        le=1,
+        description="η: share of the motor's torque that reaches the wheel; typically 0.6",
     )
     gear_friction_n_m: float = Field(
-        default=0.05, ge=0, le=100, description="dry friction at the wheel; typically 3 % of stall"
+        default=0.05,
+        ge=0,
+        le=100,
+        description="torque of dry gear friction at the wheel; typically 3 % of stall",
     )
     gear_damping_n_m_s_rad: float = Field(
-        default=0.005, ge=0, le=100, description="viscous friction at the wheel; typically 0.005"
+        default=0.005,
+        ge=0,
+        le=100,
+        description="coefficient of viscous gear friction at the wheel; typically 0.005",
     )
     dead_band_v: float = Field(
-        default=0.1, ge=0, le=10, description="a smaller voltage gives none; typically 0.1, assumed"
+        default=0.1,
+        ge=0,
+        le=10,
+        description="voltage below which the drive gives none; typically 0.1",
     )
     pwm_steps: int = Field(
-        default=1023, ge=0, le=10**6, description="levels from 0 to full voltage; 0: continuous"
+        default=1023,
+        ge=0,
+        le=10**6,
+        description="voltage levels from zero to full, 0 for any voltage; typically 1023",
     )
     encoder_counts_per_turn: int = Field(
-        default=1229, ge=0, le=10**7, description="of the wheel; 0: exact; 1229 are 0.293 degrees"
+        default=1229,
+        ge=0,
+        le=10**7,
+        description="encoder counts per turn of the wheel, 0 for an exact encoder; typically "
+        "1229, which is 0.293 degrees",
     )
     encoder_window_s: float = Field(
-        default=0.01, gt=0, le=1, description="counts are differenced over it; whole loop periods"
+        default=0.01,
+        gt=0,
+        le=1,
+        description="time over which counts are differenced to a speed, a whole number of loop "
+        "periods; typically 0.01",
     )
     loop_period_s: float = Field(
-        default=0.001, gt=0, le=1, description="of the firmware's speed loop; whole physics steps"
+        default=0.001,
+        gt=0,
+        le=1,
+        description="period of the firmware's speed loop, a whole number of physics steps; "
+        "typically 0.001",
     )
     feedforward_share: float = Field(
-        default=1.0, ge=0, le=2, description="of the set speed's back-EMF that the firmware adds"
+        default=1.0,
+        ge=0,
+        le=2,
+        description="share of the back-EMF at the set speed that the firmware adds; typically 1",
     )
     speed_gain_v_s_rad: float = Field(
-        default=0.5, ge=0, le=1e4, description="P of the speed loop; typically 0.5, assumed"
+        default=0.5, ge=0, le=1e4, description="P gain of the speed loop; typically 0.5"
     )
     speed_integral_gain_v_rad: float = Field(
-        default=40.0, ge=0, le=1e6, description="I of the speed loop; typically 20, assumed"
+        default=40.0, ge=0, le=1e6, description="I gain of the speed loop; typically 40"
     )
     command_delay_s: float = Field(
-        default=0.001, ge=0, le=1, description="of the bus, whole loop periods; typically 0.001"
+        default=0.001,
+        ge=0,
+        le=1,
+        description="time that a set speed or torque takes to the firmware, a whole number of "
+        "loop periods; typically 0.001",
     )
 
     @model_validator(mode="before")

@@ -183,7 +183,8 @@ class Servo(Config):
         description="inertia of motor and gears reflected to the wheel (armature); typically 2e-4",
     )
     motor: Motor | None = Field(
-        default=None, description="a motor with gear and firmware; left out: an ideal servo"
+        default=None,
+        description="a motor with gear and firmware; left out: an ideal velocity servo",
     )
 
     @model_validator(mode="before")

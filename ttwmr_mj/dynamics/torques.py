@@ -16,7 +16,7 @@ from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics.balls import ball_loads, direction, resistance
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.kinematics import to_body, to_world, wheels_from_twist
+from ttwmr_mj.dynamics.kinematics import to_body, to_world, twist_from_wheels, wheels_from_twist
 from ttwmr_mj.dynamics.kinetics import gravity, reduced_bias, reduced_mass_matrix
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
@@ -59,8 +59,8 @@ def inverse_dynamics(
     swing = (load[..., 2] - mass[..., 2, 0] * twist_rate[..., 0]) / mass[..., 2, 2]
     force = _times(mass[..., :2, :2], twist_rate) - load[..., :2]
     force[..., 0] += mass[..., 0, 2] * swing
-    per_wheel = np.asarray(np.linalg.inv(wheel_jacobian(robot)).T, dtype=np.float64)
-    return _times(per_wheel, force)
+    # by virtual work a wheel's torque is the force times the motion per turn of that wheel
+    return _times(twist_from_wheels(np.eye(2), robot), force)
 
 
 def spun_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:

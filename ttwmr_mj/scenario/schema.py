@@ -158,15 +158,16 @@ class ControlOptions(Config):
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
-        description="what turns the wheels: servos at the law's wheel speeds; torques computed by "
-        "Eq. 23 for these speeds; torques that a law of one's own gives itself",
+        description="what drives the wheels; velocity_servo: servos that follow the law's wheel "
+        "speeds; computed_torque: torques that Eq. 23 asks for these speeds; torque: torques that "
+        "a user's own law gives",
     )
     rate_gain_1_s: float = Field(
         default=20.0,
         ge=0,
         le=1e4,
-        description="λ of computed_torque: wheels return to where they shall be at this rate; "
-        "typically 20, stable below 1.4 / sampling_time_s",
+        description="λ of computed_torque: rate at which the wheels return to the angles they "
+        "should have; typically 20, stable below 1.4 / sampling_time_s",
     )
     command_latency_s: float = Field(
         default=0.0,
