@@ -19,7 +19,7 @@ MOTOR_PRESETS: dict[str, dict[str, float | int]] = {
         "gear_ratio": 254.0,
         "gear_efficiency": 0.602,  # (1.62 + 0.05) N·m at 1.5 A, over 254·K
         "gear_friction_n_m": 0.05,  # 3 % of stall, assumed
-        "gear_damping_n_m_s_rad": 0.005,  # as much again at full speed, assumed
+        "gear_damping_n_m_s_rad": 0.005,  # 2 % of stall at full speed, assumed
         "resistance_ohm": 8.0,  # 12 V / 1.5 A
         "torque_constant_n_m_a": 0.00728,  # (12 V − R·0.073 A) / (254 · 6.18 rad/s)
         "back_emf_v_s_rad": 0.00728,  # the same constant in SI units
