@@ -9,12 +9,14 @@ import pytest
 
 from ttwmr_mj.controllers.shared.computed_torque import WantedWheels
 from ttwmr_mj.dynamics.torques import spun_mass_matrix
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import run_pair
 from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.study import Options, compare_scenario
 
 COMPUTED = "control.inner_loop=computed_torque"
 LAW = """
@@ -142,6 +144,19 @@ def test_the_energy_account_knows_torques_and_motors() -> None:
     power = motor.gear_friction_n_m * np.abs(wheels) + motor.gear_damping_n_m_s_rad * wheels**2
     burnt = power.sum() * run.scenario.plant.contact.timestep_s
     assert lost == pytest.approx(burnt, rel=5e-3)
+
+
+def test_no_torque_acts_before_the_first_one_has_arrived() -> None:
+    sets = ["duration_s=0.33", COMPUTED, "control.command_latency_s=0.066", "initial.kind=at_rest"]
+    wheels = drive("straight_line", *sets, "plant.kind=analytic").trajectory.wheel_speed_rad_s[:, 0]
+    assert not wheels[:3].any()  # sample 0's torques act from 66 ms on
+    assert wheels[3].all()
+
+
+def test_a_model_that_wheel_speeds_drive_is_not_fitted_to_torques(tmp_path: Path) -> None:
+    scenario = load_scenario("open_loop_turn", [COMPUTED])
+    with pytest.raises(InputError, match="--fit"):
+        compare_scenario(scenario, tmp_path, Options(fit=True))
 
 
 # --- laws that give torques themselves -------------------------------------------------------
