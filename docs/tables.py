@@ -13,6 +13,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from ttwmr_mj.controllers.base import CONTROLLERS
+from ttwmr_mj.motor import Motor
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.results.verdict import VERDICTS
@@ -51,6 +52,7 @@ TABLES = {
     "references": lambda: kinds(REFERENCES),
     "verdicts": verdicts,
     "accept": lambda: options(AcceptOptions),
+    "motor": lambda: options(Motor),
 }
 
 

@@ -121,7 +121,7 @@ def test_the_physics_rate_record_is_the_run() -> None:
         run.physics.wheel_speed_rad_s[::every], run.trajectory.wheel_speed_rad_s[:, 0]
     )
     # the reconstructed setpoints are what the stiff wheels do
-    lag = run.physics.setpoint_rad_s - run.physics.wheel_speed_rad_s[1:]
+    lag = run.physics.inputs - run.physics.wheel_speed_rad_s[1:]
     assert np.abs(lag).max() < 0.01
 
 

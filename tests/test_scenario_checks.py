@@ -36,6 +36,14 @@ BELIEVED = "belief.robot.trailers=[{next_hitch_offset_m=0.3},{}]"
 HITCHES = ["robot.hitches=[{},{}]", "belief.robot.hitches=[{},{}]"]
 TABLE_ONE_TRAILER = ["robot.trailer.mass_kg=0.33", "robot.trailer.com_offset_m=0.141"]
 
+MOTOR = "robot.servo.motor."
+
+
+def motor(loop_s: float, window_s: float, delay_s: float) -> str:
+    times = f"loop_period_s={loop_s}, encoder_window_s={window_s}, command_delay_s={delay_s}"
+    return f"robot.servo.motor={{{times}}}"
+
+
 # name of the check → (without a fault, with one, the fault's key and words of it)
 PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
     "_tractor_masses": [
@@ -111,6 +119,27 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "control.sampling_time_s",
             "nearest: 0.0005",
         ),
+    ],
+    "_motor_timing": [
+        ([motor(0.001, 0.01, 0.002)], [motor(*faulty)], key, words)
+        for faulty, key, words in (
+            ((0.0011, 0.011, 0.0022), MOTOR + "loop_period_s", "nearest: 0.001 and 0.0015"),
+            ((0.001, 0.0105, 0.002), MOTOR + "encoder_window_s", "nearest: 0.01 and 0.011"),
+            ((0.001, 0.01, 0.0015), MOTOR + "command_delay_s", "nearest: 0.001 and 0.002"),
+            ((0.002, 0.01, 0.002), "control.sampling_time_s", MOTOR + "loop_period_s"),
+        )
+    ],
+    "_torque_input": [
+        (
+            ["plant.kind=analytic", "plant.analytic.published_spring=true"],
+            [
+                "plant.kind=analytic",
+                "plant.analytic.published_spring=true",
+                "control.inner_loop=computed_torque",
+            ],
+            "plant.analytic.published_spring",
+            "which it cannot drive",
+        )
     ],
     "_latency": [
         (

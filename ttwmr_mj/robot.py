@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
     BaseModel,
-    ConfigDict,
     Field,
     GetJsonSchemaHandler,
     SerializerFunctionWrapHandler,
@@ -20,18 +19,8 @@ from pydantic import (
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
-
-class Config(BaseModel):
-    """Base of every configuration: frozen, strict about types, closed to unknown keys."""
-
-    model_config = ConfigDict(
-        frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True
-    )
-
-    @classmethod
-    def summary(cls) -> str:
-        """The first sentence of its description."""
-        return " ".join((cls.__doc__ or "").split("\n\n")[0].split()).rstrip(".")
+from ttwmr_mj.config import Config as Config  # whoever knows the robot knows it from here
+from ttwmr_mj.motor import Motor
 
 
 class Tractor(Config):
@@ -193,13 +182,25 @@ class Servo(Config):
         le=10,
         description="inertia of motor and gears reflected to the wheel (armature); typically 2e-4",
     )
+    motor: Motor | None = Field(
+        default=None,
+        description="a motor with gear and firmware; left out: an ideal velocity servo",
+    )
 
     @model_validator(mode="before")
     @classmethod
     def _fill_from_preset(cls, given: Any) -> Any:
         if not isinstance(given, dict):
             return given
-        return {**SERVO_PRESETS.get(str(given.get("preset")), {}), **given}
+        preset, motor = given.get("preset"), given.get("motor")
+        if preset and isinstance(motor, dict):
+            given = {**given, "motor": {"preset": preset, **motor}}
+        return {**SERVO_PRESETS.get(str(preset), {}), **given}
+
+    @property
+    def largest_torque_n_m(self) -> float:
+        """What a standing wheel can get, from the motor if there is one."""
+        return self.motor.stall_torque_n_m if self.motor else self.stall_torque_n_m
 
 
 class Casters(Config):

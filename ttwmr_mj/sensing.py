@@ -75,6 +75,8 @@ class Estimate:
         valid: (nsim,) False while the estimate is invalid, as of a camera that sees no labels.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
         measurement_age_s: (nsim,) age of the newest measurement in it; None: `age_s`.
+        wheel_angle_rad: (nsim, 2) of the wheels (right, left) by their encoders, always fresh;
+            known where wheel torques drive the robot, else None.
     """
 
     state: RobotState
@@ -82,6 +84,7 @@ class Estimate:
     valid: BoolArray
     labels_found: FloatArray
     measurement_age_s: FloatArray | None = None
+    wheel_angle_rad: FloatArray | None = None
 
 
 class Sensor(ABC):

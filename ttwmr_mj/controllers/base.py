@@ -70,12 +70,15 @@ class Command:
         near_singular: (nsim,) the map to wheel speeds was near its singularity, standstill.
         signals: name with its unit → (nsim,); the same names at every sample. They become columns
             of trajectory.parquet, plots of the recording and a figure.
+        wheel_torque_n_m: (nsim, 2) torques (right, left), where these drive the robot
+            (`control.inner_loop`); None: the servos make the wheel speeds.
     """
 
     wheel_speed_rad_s: FloatArray
     saturated: BoolArray
     near_singular: BoolArray
     signals: Mapping[str, FloatArray] = field(default_factory=dict)
+    wheel_torque_n_m: FloatArray | None = None
 
 
 class Controller(ABC):

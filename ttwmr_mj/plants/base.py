@@ -12,7 +12,7 @@ from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 
 class Plant(Protocol):
-    """A batch of robots that obey wheel-speed commands.
+    """A batch of robots that obey wheel-speed commands, or wheel torques if built for these.
 
     Attributes:
         nsim: simulations in the batch.
@@ -31,8 +31,14 @@ class Plant(Protocol):
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) true wheel speeds (right, left)."""
 
-    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
-        """Hold the commanded wheel speeds (nsim, 2) (right, left) for a number of steps."""
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles the wheels have turned, as their encoders have them.
+
+        Only plants that torques drive are asked.
+        """
+
+    def advance(self, command: FloatArray, steps: int) -> None:
+        """Hold commanded wheel speeds or torques (nsim, 2) (right, left) for a number of steps."""
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push "tractor" or "trailer" with forces (2,) or (nsim, 2), world frame."""
@@ -50,8 +56,33 @@ class Plant(Protocol):
         """What broke in one failed simulation, in words."""
 
 
-class ModelPlant(Plant):
-    """What plants made of equations have in common: servos, and no joints, contacts or pushes.
+class EquationPlant(Plant):
+    """What plants made of equations have in common: no joints, contacts or pushes."""
+
+    def push(self, forces_n: dict[str, FloatArray]) -> None:
+        """Not supported: the tractor's motion is prescribed, so a force on it has no meaning here.
+
+        Raises:
+            InputError: always, if there is a force.
+        """
+        if forces_n:
+            raise InputError.at("plant.pushes", "only plant.kind = 'contact' can be pushed")
+
+    def joint_positions(self) -> FloatArray:
+        """(nsim, 0): the model has no joints."""
+        return np.empty((self.nsim, 0))
+
+    def contact_readings(self) -> FloatArray:
+        """(nsim, 0, 15): the model has no contacts."""
+        return np.empty((self.nsim, 0, 15))
+
+    def fault(self, index: int) -> str:
+        """What broke in one failed simulation: there is one way to break."""
+        return f"the state is not finite: {self.state().q[index].tolist()}"
+
+
+class ModelPlant(EquationPlant):
+    """What plants made of equations of motion under prescribed wheel speeds have in common.
 
     Wheels follow `dynamics.servo`, so under one command they are piecewise linear in time, with a
     kink where a setpoint arrives. The plant moves over stretches of time between these.
@@ -97,39 +128,22 @@ class ModelPlant(Plant):
             end_rad_s: (nsim, 2) wheel speeds at their end, the new `_setpoint`.
         """
 
-    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
+    def advance(self, command: FloatArray, steps: int) -> None:
         """Hold commanded wheel speeds for a time.
 
         Args:
-            wheel_command_rad_s: (nsim, 2) right, left; the servo's limits apply.
+            command: (nsim, 2) right, left; the servo's limits apply.
             steps: number of `time_step_s`, at least one.
         """
-        command = self._setpoint, wheel_command_rad_s, self._servo
+        change = self._setpoint, command, self._servo
         duration_s = steps * self.time_step_s
-        stretches = cut(*command, duration_s, self._longest_s, self._physics_step_s)
-        self.follow(stretches.lasting, ramp(*command, np.array([duration_s]))[:, 0])
+        stretches = cut(*change, duration_s, self._longest_s, self._physics_step_s)
+        self.follow(stretches.lasting, ramp(*change, np.array([duration_s]))[:, 0])
+
+    def encoder_angle_rad(self) -> FloatArray:
+        """Never asked: wheel speeds drive these plants."""
+        raise NotImplementedError
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left), equal to the servos' setpoints."""
         return self._setpoint.copy()
-
-    def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """Not supported: the tractor's motion is prescribed, so a force on it has no meaning here.
-
-        Raises:
-            InputError: always, if there is a force.
-        """
-        if forces_n:
-            raise InputError.at("plant.pushes", "only plant.kind = 'contact' can be pushed")
-
-    def joint_positions(self) -> FloatArray:
-        """(nsim, 0): the model has no joints."""
-        return np.empty((self.nsim, 0))
-
-    def contact_readings(self) -> FloatArray:
-        """(nsim, 0, 15): the model has no contacts."""
-        return np.empty((self.nsim, 0, 15))
-
-    def fault(self, index: int) -> str:
-        """What broke in one failed simulation: there is one way to break."""
-        return f"the state is not finite: {self.state().q[index].tolist()}"

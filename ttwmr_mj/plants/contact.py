@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.motor import Drive, Firmware
 from ttwmr_mj.dynamics.servo import ramp
+from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
@@ -35,7 +37,7 @@ class WheelContacts(NamedTuple):
     slip_m_s: FloatArray  # velocity of the robot's surface over the floor
 
 
-class ContactPlant:
+class ContactPlant(Plant):
     """MuJoCo rigid bodies, contacts and servos behind the `Plant` protocol.
 
     A single run is a batch of one, so there is one code path; results are the same bits at any
@@ -50,6 +52,7 @@ class ContactPlant:
         nthread: int = 0,
         *,
         ground: Ground = LEVEL,
+        torque_input: bool = False,
     ) -> None:
         log = mujoco.MjLogConfig.get()
         # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
@@ -57,9 +60,11 @@ class ContactPlant:
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(robot, options, ground)
+        self.model = build_model(robot, options, ground, torque_input=torque_input)
         self._joints = Joints(self.model)
-        self._robot = robot
+        self._robot, self._torque_input = robot, torque_input
+        self._drive = Drive.of(robot.servo, torque_input=torque_input)
+        self._firmware = Firmware(motor) if (motor := robot.servo.motor) else None
         self._settled_qpos = self._settle()
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -107,8 +112,13 @@ class ContactPlant:
         self._qpos[:] = self._joints.standing(self._settled_qpos, initial.q)
         self._qvel[:] = self._joints.moving(initial.q_rate, self._setpoint, self.model.nv)
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
+        if self._firmware:
+            given = np.zeros_like(self._setpoint) if self._torque_input else self._setpoint
+            angles = np.array(self._qpos[:, self._joints.wheel_qpos])
+            self._firmware.reset(angles, self._setpoint, given)
         self._passed.clear()
-        self._control[:] = self._setpoint  # a command of zero would brake, in the first readings
+        # inputs that give no torque: of zero, servos would brake in the first readings
+        self._control[:] = self._drive.back * self._setpoint
         self._batch.forward()
         self._roll_balls()
 
@@ -138,6 +148,11 @@ class ContactPlant:
         """(nsim, 2) wheel speeds (right, left) relative to the chassis."""
         return np.array(self._qvel[:, self._joints.wheel_qvel])
 
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles of the wheels, to a count of a motor's encoder."""
+        angles = np.array(self._qpos[:, self._joints.wheel_qpos])
+        return self._firmware.counted(angles) if self._firmware else angles
+
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo generalized positions, for drawing the robot."""
         return np.array(self._qpos)
@@ -146,15 +161,35 @@ class ContactPlant:
         """(nsim, 5, 15) raw contact sensors of the last physics step, for `read_contacts`."""
         return np.asarray(self._sensordata[:, self._contact_columns])  # a copy, by a list of places
 
-    def advance(self, wheel_command_rad_s: FloatArray, steps: int) -> None:
-        """Let the servos ramp to the command and hold it, for a number of physics steps."""
-        if self._time.size != steps:
-            self._time = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
-        control = ramp(self._setpoint, wheel_command_rad_s, self._robot.servo, self._time)
-        passed = self._batch.rollout(steps, control, record=self._record)
+    def advance(self, command: FloatArray, steps: int) -> None:
+        """Hold a command (nsim, 2) (right, left) for a number of physics steps.
+
+        Wheel speeds [rad/s] are reached by the servos' ramp; wheel torques [N·m] act at once.
+        """
+        if self._torque_input:
+            control = np.repeat(command[:, None], steps, axis=1)
+        else:
+            if self._time.size != steps:
+                self._time = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
+            control = ramp(self._setpoint, command, self._robot.servo, self._time)
+            self._setpoint = control[:, -1]
+        if self._firmware is None:
+            self._step(control)
+            return
+        voltage = (
+            self._firmware.torque_voltage if self._torque_input else self._firmware.speed_voltage
+        )
+        every = round(self._firmware.period_s / self.time_step_s)
+        for start in range(0, steps, every):
+            angles = np.array(self._qpos[:, self._joints.wheel_qpos])
+            chunk = control[:, start : start + every]
+            self._step(np.repeat(voltage(angles, chunk[:, -1])[:, None], chunk.shape[1], axis=1))
+
+    def _step(self, inputs: FloatArray) -> None:
+        """Physics steps under inputs (nsim, n, 2) of the wheels' drives, as of `Drive`."""
+        passed = self._batch.rollout(inputs.shape[1], inputs, record=self._record)
         if passed:
-            self._passed.append((passed["qpos"], passed["qvel"], control))
-        self._setpoint = control[:, -1]
+            self._passed.append((passed["qpos"], passed["qvel"], inputs))
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push the halves' chassis at their centres of mass.
@@ -181,8 +216,8 @@ class ContactPlant:
         time_s = self.time_step_s * np.arange(1, q.shape[1] + 1, dtype=np.float64)
         return time_s, RobotState(q=q, q_rate=q_rate), qvel[..., self._joints.wheel_qvel]
 
-    def physics_rate_setpoints(self) -> FloatArray:
-        """(nsim, n, 2) speeds [rad/s] that the servos aimed at in each of these steps."""
+    def physics_rate_inputs(self) -> FloatArray:
+        """(nsim, n, 2) inputs of the wheels' drives in each of these steps, as of `Drive`."""
         return self._kept()[2]
 
     def _kept(self) -> list[FloatArray]:

@@ -7,6 +7,7 @@ from ttwmr_mj.assets import models_folder
 from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
 from ttwmr_mj.dynamics.balls import ball_loads, resistance
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.runners import add_runner
@@ -25,7 +26,11 @@ ROLL_SHARE = 0.55
 
 
 def build_spec(
-    robot: RobotParameters, options: ContactOptions, ground: Ground = LEVEL
+    robot: RobotParameters,
+    options: ContactOptions,
+    ground: Ground = LEVEL,
+    *,
+    torque_input: bool = False,
 ) -> mujoco.MjSpec:
     """The laboratory with this robot in it, still editable.
 
@@ -33,6 +38,7 @@ def build_spec(
         robot: every number of the robot.
         options: how contact physics is solved, and in which scene.
         ground: how its floor slopes.
+        torque_input: as of `Drive.of`.
 
     Raises:
         InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
@@ -47,7 +53,8 @@ def build_spec(
     try:
         _set_inertia(spec, robot)
         _set_geometry(spec, robot)
-        _set_joints(spec, robot)
+        _set_joints(spec, robot, options)
+        _set_drives(spec, Drive.of(robot.servo, torque_input=torque_input))
         _set_contact(spec, options, ground)
         _hold_back(spec, robot, options, ground)
     except AttributeError as error:
@@ -61,10 +68,14 @@ def build_spec(
 
 
 def build_model(
-    robot: RobotParameters, options: ContactOptions, ground: Ground = LEVEL
+    robot: RobotParameters,
+    options: ContactOptions,
+    ground: Ground = LEVEL,
+    *,
+    torque_input: bool = False,
 ) -> mujoco.MjModel:
-    """The compiled laboratory with this robot in it; errors as `build_spec`."""
-    spec = build_spec(robot, options, ground)
+    """The compiled laboratory with this robot in it; arguments and errors as of `build_spec`."""
+    spec = build_spec(robot, options, ground, torque_input=torque_input)
     try:
         return spec.compile()
     except ValueError as error:
@@ -125,18 +136,27 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
         key.qpos[2] = axle_height
 
 
-def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions) -> None:
     hitch, servo = spec.joint("hitch"), robot.servo
     hitch.stiffness[0] = robot.hitch.stiffness_n_m_rad  # [1:] are the cubic spring's terms
     hitch.damping[0] = robot.hitch.damping_n_m_s_rad
     hitch.frictionloss = robot.hitch.coulomb_friction_n_m
     for name in WHEELS:
-        spec.joint(name).armature = servo.reflected_inertia_kg_m2
+        wheel = spec.joint(name)
+        wheel.armature = servo.reflected_inertia_kg_m2
+        if servo.motor is not None:
+            wheel.damping[0] = servo.motor.gear_damping_n_m_s_rad
+            wheel.frictionloss = servo.motor.gear_friction_n_m
+            wheel.solref_friction = [options.contact_time_constant_s, 1.0]
+            wheel.solimp_friction = hitch.solimp_friction
+
+
+def _set_drives(spec: mujoco.MjSpec, drive: Drive) -> None:
+    for name in WHEELS:
         actuator = spec.actuator(name)
-        gain = servo.velocity_gain_n_m_s_rad
-        actuator.gainprm[0], actuator.biasprm[2] = gain, -gain
-        actuator.forcerange = [-servo.stall_torque_n_m, servo.stall_torque_n_m]
-        actuator.ctrlrange = [-servo.speed_limit_rad_s, servo.speed_limit_rad_s]
+        actuator.gainprm[0], actuator.biasprm[2] = drive.gain, -drive.gain * drive.back
+        actuator.forcerange = [-drive.limit_n_m, drive.limit_n_m]
+        actuator.ctrlrange = [-drive.input_limit, drive.input_limit]
 
 
 def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -> None:

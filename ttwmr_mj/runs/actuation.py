@@ -14,7 +14,7 @@ class Actuation:
     """The channel from the controller to the servos, which hold the last command received.
 
     The command of sample k arrives at k·T + latency, plus whole periods of jitter. Until the first
-    one arrives, the servos hold the speeds that they start with.
+    one arrives, the servos hold the speeds that they start with, or give no torque.
     """
 
     def __init__(
@@ -35,16 +35,17 @@ class Actuation:
         self._queue = LatencyQueue[FloatArray](channel, rngs)
         self._direct = not (late or channel.is_random)
         self._command: FloatArray | None = None
+        self._torques = options.torque_input
 
-    def drive(self, plant: Plant, wheel_speed_rad_s: FloatArray) -> None:
+    def drive(self, plant: Plant, command: FloatArray) -> None:
         """Advance the plant by one control period; the command (nsim, 2) is sent at its start."""
         if self._direct:
-            plant.advance(wheel_speed_rad_s, self._steps)
+            plant.advance(command, self._steps)
             return
         if self._command is None:
-            self._command = plant.wheel_speed_rad_s()
+            self._command = 0.0 * command if self._torques else plant.wheel_speed_rad_s()
             self._queue.exchange(self._command)  # the queue's first stands in for what is due
-        arrived = self._queue.exchange(np.array(wheel_speed_rad_s)).sent
+        arrived = self._queue.exchange(np.array(command)).sent
         if self._held_steps:
             plant.advance(self._command, self._held_steps)
         each = range(len(arrived))

@@ -69,6 +69,10 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     refuse_trains(robot)
     step_s = scenario.control.sampling_time_s / scenario.steps_per_period
     longest_s = options.analytic.max_step_s
+    if options.kind == "analytic" and scenario.control.torque_input:
+        from ttwmr_mj.plants.kinetic import KineticPlant
+
+        return KineticPlant(robot, nsim, step_s, longest_s, scenario.ground)
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
@@ -89,7 +93,8 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
-    return ContactPlant(robot, options.contact, nsim, ground=scenario.ground)
+    torque, ground = scenario.control.torque_input, scenario.ground
+    return ContactPlant(robot, options.contact, nsim, torque_input=torque, ground=ground)
 
 
 def make_controller(
@@ -103,7 +108,12 @@ def make_controller(
     faults = scenario.controller.faults(scenario.reference, reference)
     if faults:
         raise InputError(*faults)
-    return scenario.controller.make(folder)
+    law = scenario.controller.make(folder)
+    if scenario.control.inner_loop != "computed_torque":
+        return law
+    from ttwmr_mj.controllers.shared.computed_torque import ComputedTorque
+
+    return ComputedTorque(law, scenario.control.rate_gain_1_s)
 
 
 def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path) -> Sensor:

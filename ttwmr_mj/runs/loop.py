@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from time import perf_counter
 from typing import Literal
 
@@ -25,6 +25,7 @@ Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
+TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
 SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
@@ -142,10 +143,14 @@ class Loop:
         watch, rows = self.watch, self.rows
         watch.lap("loop")
         estimate = self.sensor.observe(truth)
+        if self.scenario.control.torque_input:
+            estimate = replace(estimate, wheel_angle_rad=self.plant.encoder_angle_rad())
         asked = watch.lap("sensing")
         try:
             with deadline:
                 command = self.controller.command(k, estimate)
+            if self.scenario.control.torque_input:
+                command = _with_torques_logged(command, self.plant.nsim)
             self._check(command)
             self.sensor.commanded(command.wheel_speed_rad_s)
         except (Exception, SystemExit, Overrun) as error:
@@ -168,7 +173,8 @@ class Loop:
         if k < scenario.periods:
             if self.pushes:
                 plant.push(forces(self.pushes, k * scenario.control.sampling_time_s))
-            self.actuation.drive(plant, command.wheel_speed_rad_s)
+            torque = command.wheel_torque_n_m if scenario.control.torque_input else None
+            self.actuation.drive(plant, command.wheel_speed_rad_s if torque is None else torque)
         now = self.watch.lap("plant")
         if self.report and now - self._last_report_s > REPORT_EVERY_S:
             self.report(self.rows.rows(self._reported, self.done))
@@ -219,6 +225,19 @@ class Loop:
         """The same end for every simulation that has none yet."""
         for i in range(self.plant.nsim):
             self.ends.setdefault(i, outcome)
+
+
+def _with_torques_logged(command: Command, nsim: int) -> Command:
+    """The command of a controller that must give wheel torques, these among its signals."""
+    torque = command.wheel_torque_n_m
+    if torque is None:
+        raise ValueError("there are no wheel torques, which control.inner_loop = 'torque' needs")
+    if np.shape(torque) != (nsim, 2):
+        raise ValueError(f"wheel torques have shape {np.shape(torque)}, allowed: ({nsim}, 2)")
+    if not math.isfinite(torque.sum()):
+        raise ValueError(f"wheel torques are not finite: {torque.tolist()}")
+    columns = dict(zip(TORQUE_SIGNALS, torque.T, strict=True))
+    return replace(command, signals={**command.signals, **columns})
 
 
 def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:

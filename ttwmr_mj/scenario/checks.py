@@ -99,6 +99,38 @@ def physics_step_faults(scenario: Scenario) -> Iterable[Fault]:
     yield from _whole_steps(("control", "sampling_time_s"), period, step, STEP)
 
 
+def _motor_timing(scenario: Scenario) -> Iterable[Fault]:
+    """The firmware's loop counts in physics steps, and a control period in its loops."""
+    motor = scenario.robot.servo.motor
+    if motor is None or scenario.plant.kind != "contact":
+        return
+    table, loop = ("robot", "servo", "motor"), motor.loop_period_s
+    yield from _whole_steps(
+        (*table, "loop_period_s"), loop, scenario.plant.contact.timestep_s, STEP
+    )
+    loop_key = "robot.servo.motor.loop_period_s"
+    for key in ("encoder_window_s", "command_delay_s"):
+        yield from _whole_steps((*table, key), getattr(motor, key), loop, loop_key)
+    for key in ("sampling_time_s", "command_latency_s"):
+        yield from _whole_steps(("control", key), getattr(scenario.control, key), loop, loop_key)
+
+
+def _torque_input(scenario: Scenario) -> Iterable[Fault]:
+    """The analytic plant under torques is Eq. 11-23 and nothing else."""
+    if scenario.plant.kind == "contact" or not scenario.control.torque_input:
+        return
+    analytic = scenario.plant.analytic
+    for key, given in (
+        ("extended", analytic.extended),
+        ("published_spring", analytic.published_spring),
+    ):
+        if given:
+            problem = (
+                f"control.inner_loop is {scenario.control.inner_loop!r}, which it cannot drive"
+            )
+            yield Fault(key=("plant", "analytic", key), got="given", problem=problem)
+
+
 def _latency(scenario: Scenario) -> Iterable[Fault]:
     sensing, period = scenario.sensing, scenario.control.sampling_time_s
     for name in ("latency_s", "latency_jitter_s"):
@@ -191,6 +223,8 @@ CHECKS = (
     Check(_contact_only, ("plant.kind", "plant.pushes", "output")),
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
+    Check(_motor_timing, ("plant.kind", "robot.servo", "control", STEP)),
+    Check(_torque_input, ("plant.kind", "plant.analytic", "control")),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")),
     Check(_command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),
     Check(_believed_camera, ("sensing", "belief")),

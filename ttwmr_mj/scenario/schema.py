@@ -156,6 +156,19 @@ class ControlOptions(Config):
         "typically 2. The limit in wall time is 15 times as long, for a "
         "controller that waits",
     )
+    inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
+        default="velocity_servo",
+        description="what drives the wheels; velocity_servo: servos that follow the law's wheel "
+        "speeds; computed_torque: torques that Eq. 23 asks for these speeds; torque: torques that "
+        "a user's own law gives",
+    )
+    rate_gain_1_s: float = Field(
+        default=20.0,
+        ge=0,
+        le=1e4,
+        description="λ of computed_torque: rate at which the wheels return to the angles they "
+        "should have; typically 20, stable below 1.4 / sampling_time_s",
+    )
     command_latency_s: float = Field(
         default=0.0,
         ge=0,
@@ -175,6 +188,11 @@ class ControlOptions(Config):
         description="probability that a command is lost, so that the servos hold the last one; "
         "typically 0.02",
     )
+
+    @property
+    def torque_input(self) -> bool:
+        """Whether wheel torques drive the robot, not wheel speeds."""
+        return self.inner_loop != "velocity_servo"
 
 
 class OutputOptions(Config):

@@ -150,7 +150,7 @@ def check_feasibility(
         at_most("free trailer", "N·m", _missing_torque(reference, robot), HITCH_TORQUE_N_M),
         at_most("wheel speed", "rad/s", wheels_from_twist(twist, robot), servo.speed_limit_rad_s),
         at_most("wheel acceleration", "rad/s²", wheel_rate, servo.acceleration_limit_rad_s2),
-        at_most("wheel torque", "N·m", torque, servo.stall_torque_n_m),
+        at_most("wheel torque", "N·m", torque, servo.largest_torque_n_m),
         at_most("grip", "N", grip, floor_friction * _weight_on_wheels(robot)),
     ]
     if workspace_m is not None:

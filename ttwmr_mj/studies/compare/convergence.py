@@ -54,6 +54,7 @@ def refined(scenario: Scenario, level: int) -> Scenario:
         "robot.casters.mass_kg": robot.casters.mass_kg / factor,
         "robot.servo.velocity_gain_n_m_s_rad": robot.servo.velocity_gain_n_m_s_rad * factor,
         "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
+        "robot.servo.motor": None,
     }
     return changed(scenario, values)
 

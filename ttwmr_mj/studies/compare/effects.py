@@ -57,6 +57,7 @@ EFFECTS = (
         lambda _: {
             "robot.servo.velocity_gain_n_m_s_rad": IDEAL_SERVO_GAIN,
             "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
+            "robot.servo.motor": None,
         },
     ),
     Effect(

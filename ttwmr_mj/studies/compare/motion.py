@@ -15,7 +15,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.build import initial_state, make_plant, sample_reference
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.loop import TORQUE_SIGNALS, Outcome
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
@@ -39,8 +39,11 @@ class ContactRun:
 
     @property
     def commands(self) -> FloatArray:
-        """(n − 1, 2) wheel speeds commanded in every period (right, left) [rad/s]."""
-        return self.trajectory.wheel_command_rad_s[:-1, 0]
+        """(n − 1, 2) what drove the wheels in every period: speeds [rad/s], or torques [N·m]."""
+        rows = self.trajectory
+        if self.scenario.control.torque_input:
+            return np.concatenate([rows.signals[name] for name in TORQUE_SIGNALS], axis=1)[:-1]
+        return rows.wheel_command_rad_s[:-1, 0]
 
 
 def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:

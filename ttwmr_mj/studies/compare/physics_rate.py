@@ -19,7 +19,7 @@ class PhysicsRate:
     q: FloatArray  # (n + 1, 4) as in `RobotState`
     q_rate: FloatArray  # (n + 1, 4)
     wheel_speed_rad_s: FloatArray  # (n + 1, 2) right, left
-    setpoint_rad_s: FloatArray  # (n, 2) that servos aim at, in the step that ends at time_s[1:]
+    inputs: FloatArray  # (n, 2) of the wheels' `Drive`s in the step that ends at time_s[1:]
 
     @classmethod
     def of(cls, plant: ContactPlant, start: RobotState, wheels_rad_s: FloatArray) -> PhysicsRate:
@@ -30,7 +30,7 @@ class PhysicsRate:
             q=np.concatenate([start.q, states.q[0]]),
             q_rate=np.concatenate([start.q_rate, states.q_rate[0]]),
             wheel_speed_rad_s=np.concatenate([wheels_rad_s, wheels[0]]),
-            setpoint_rad_s=plant.physics_rate_setpoints()[0],
+            inputs=plant.physics_rate_inputs()[0],
         )
 
     def stretches(self, every: int) -> tuple[Stretches, FloatArray]:

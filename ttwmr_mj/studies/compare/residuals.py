@@ -11,6 +11,7 @@ from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
 from ttwmr_mj.dynamics.kinetics import first_moments, gravity, kinetic_energy
+from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
@@ -32,7 +33,7 @@ class Residuals:
             the period before; zero at the start.
         energy_lost_j: (n,) work of the servos and of gravity along the floor minus kinetic energy
             gained (Eq. 13, wheels' spin included), minus what the hitch stores and burns: friction,
-            slip, rolling resistance.
+            slip, rolling resistance, and what a motor's gear burns.
     """
 
     time_s: FloatArray
@@ -103,10 +104,9 @@ def _energy_lost(run: ContactRun) -> FloatArray:
     q, rate, wheels = physics.q, physics.q_rate, physics.wheel_speed_rad_s
     kinetic = kinetic_energy(q, rate, robot) + 0.5 * driven_inertia(robot) * (wheels**2).sum(axis=1)
     # MuJoCo solves for a step's torque and moves by the speed at the step's end
-    servo, end_speed = robot.servo, wheels[1:]
-    torque = servo.velocity_gain_n_m_s_rad * (physics.setpoint_rad_s - end_speed)
-    torque = np.clip(torque, -servo.stall_torque_n_m, servo.stall_torque_n_m)
-    power = (torque * end_speed).sum(axis=1)
+    drive = Drive.of(robot.servo, torque_input=run.scenario.control.torque_input)
+    end_speed = wheels[1:]
+    power = (drive.torque(physics.inputs, end_speed) * end_speed).sum(axis=1)
     power += _hitch_torque(run) * _mid_step(hitch_angles(rate)[:, 0])
     weight = gravity(q, run.scenario.ground.gravity_m_s2, robot)
     power -= _mid_step((weight * rate).sum(axis=1))

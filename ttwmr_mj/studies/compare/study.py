@@ -92,7 +92,7 @@ def compare_scenario(
         RunError: a run broke.
     """
     refuse_unlike(scenario)
-    _refuse_contradictions(options)
+    _refuse_contradictions(scenario, options)
     unseen = _unseen(scenario, options) if options.fit else None
     file = options.tolerance
     tolerances = read_tolerances(file, known_numbers()) if file else {}
@@ -159,7 +159,7 @@ def _write(
         record_comparison(pair, folder / "run.rrd", markdown(report))
 
 
-def _refuse_contradictions(options: Options) -> None:
+def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
     if options.real_wheels and options.mode == "closed_loop":
         problem = (
             "drives the analytic model in open loop, but with --mode closed_loop its own "
@@ -168,6 +168,10 @@ def _refuse_contradictions(options: Options) -> None:
         raise InputError.at("--real-wheels", problem, hint="leave one of them out")
     if (name := options.validate_on) and not options.fit:
         raise InputError.at("--validate-on", "nothing is fitted", got=name, hint="add --fit")
+    if options.fit and scenario.control.torque_input:
+        problem = "the extended model is driven by wheel speeds, this scenario by torques"
+        hint = "set control.inner_loop to 'velocity_servo'"
+        raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
 
 
 def _driver(options: Options) -> str:

@@ -1,0 +1,111 @@
+"""The kinetic model (Eq. 11-23, corrected) as a plant: wheel torques drive it.
+
+The wheels roll without slip. Dry friction of the hitch and of balls fades near standstill; the
+integration step is short enough for the fastest of spring, damper and friction.
+"""
+
+import math
+
+import numpy as np
+
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.integrate import runge_kutta
+from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinetics import first_moments
+from ttwmr_mj.dynamics.torques import (
+    FADING_M_S,
+    FADING_RAD_S,
+    acceleration,
+    held_back,
+    spun_mass_matrix,
+)
+from ttwmr_mj.plants.base import EquationPlant
+from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState
+
+
+class KineticPlant(EquationPlant):
+    """A batch of robots that obey wheel torques, within what the servos can give at standstill.
+
+    A simulation's numbers do not depend on the batch it runs in, and mirrored torques give exactly
+    mirrored motion.
+    """
+
+    def __init__(
+        self,
+        robot: RobotParameters,
+        nsim: int,
+        time_step_s: float,
+        max_integration_step_s: float,
+        ground: Ground = LEVEL,
+    ) -> None:
+        """Build the plant, at rest at the origin.
+
+        Args:
+            robot: every number of it; of its servo the largest torque and the inertia.
+            nsim: simulations in the batch.
+            time_step_s: duration of one step of `advance`.
+            max_integration_step_s: upper bound of the Runge-Kutta step.
+            ground: the floor.
+        """
+        self.nsim, self.time_step_s = nsim, time_step_s
+        self._robot, self._ground = robot, ground
+        self._longest_s = min(max_integration_step_s, _stable_step_s(robot, ground))
+        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
+
+    def reset(self, initial: RobotState) -> None:
+        """Take over pose and motion; a sideways velocity of P is dropped (Eq. 3)."""
+        rate = workspace_rate(initial.q, initial.q_rate)
+        self._theta1 = initial.q[:, THETA1]  # where the wheels' angles are zero
+        path = np.zeros((self.nsim, 1))
+        self._state = np.concatenate([initial.q, rate, path], axis=-1)
+
+    def state(self) -> RobotState:
+        """The state now, as fresh arrays."""
+        q, rate = self._state[:, :4].copy(), self._state[:, 4:7]
+        return RobotState(q=q, q_rate=q_rate(q, rate))
+
+    def wheel_speed_rad_s(self) -> FloatArray:
+        """(nsim, 2) wheel speeds (right, left): they roll."""
+        return wheels_from_twist(self._state[:, 4:6], self._robot)
+
+    def encoder_angle_rad(self) -> FloatArray:
+        """(nsim, 2) angles of the wheels, exactly."""
+        turned = np.stack([self._state[:, 7], self._state[:, THETA1] - self._theta1], axis=-1)
+        return wheels_from_twist(turned, self._robot)
+
+    def failed(self) -> BoolArray:
+        """(nsim,) simulations with a state that is not finite."""
+        return np.asarray(~np.isfinite(self._state.sum(axis=1)))
+
+    def advance(self, command: FloatArray, steps: int) -> None:
+        """Hold wheel torques (nsim, 2) (right, left) [N·m] for a number of steps."""
+        limit = self._robot.servo.largest_torque_n_m
+        torque = np.clip(command, -limit, limit)
+
+        def rate(_: float, state: FloatArray) -> FloatArray:
+            q, xi = state[:, :4], state[:, 4:7]
+            change = acceleration(q, xi, torque, self._robot, self._ground)
+            return np.concatenate([q_rate(q, xi), change, xi[:, :1]], axis=-1)
+
+        duration_s = steps * self.time_step_s
+        count = max(1, math.ceil(duration_s / self._longest_s - 1e-9))  # 0.033/0.011 is three
+        for _ in range(count):
+            self._state = runge_kutta(rate, self._state, duration_s / count)
+
+
+def _stable_step_s(robot: RobotParameters, ground: Ground) -> float:
+    """Longest stable step for the hitch, as an oscillator of its two halves' inertias."""
+    mass = spun_mass_matrix(np.zeros(4), robot)
+    # the trailer swings most easily with the tractor free to yield along the heading
+    swinging = mass[2, 2] - first_moments(robot)[1] ** 2 / mass[0, 0]
+    inertia = 1.0 / (1.0 / mass[1, 1] + 1.0 / swinging)
+    hitch, casters, (nose, tail) = robot.hitch, robot.casters, held_back(robot, ground)
+    lever = robot.trailer.com_offset_m**2 + casters.trailer_half_spacing_m**2
+    balls = nose * casters.tractor_position_m**2 + 2.0 * tail * lever
+    damping = hitch.damping_n_m_s_rad + balls / FADING_M_S
+    damping += hitch.coulomb_friction_n_m / FADING_RAD_S
+    linear = np.array([[0.0, 1.0], [-hitch.stiffness_n_m_rad / inertia, -damping / inertia]])
+    fastest = float(np.abs(np.linalg.eigvals(linear)).max())
+    return RK4_STABLE_RADIUS / fastest if fastest else math.inf
