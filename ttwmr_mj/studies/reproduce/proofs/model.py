@@ -46,7 +46,7 @@ def eq_23() -> Proof:
 
 
 def eq_11() -> Proof:
-    """The constraint's forces have one sign in Eq. 11 and the other in Eq. 14-15; S removes both."""
+    """The constraint force has one sign in Eq. 11, the other in Eq. 14-15; S removes it."""
     lam, th1 = sp.symbols("lambda_1 theta_1", real=True)
     row = sp.Matrix([[sp.sin(th1), -sp.cos(th1), 0, 0]])  # A of Eq. 4
     by_eq_11 = -lam * row.T
