@@ -125,7 +125,7 @@ class Claim:
         return Judgement(
             verdict=verdicts.pop() if len(verdicts) == 1 else "undecided",
             numbers=cases[0].numbers,
-            finding=told(self.finding, next(iter(values.values()))),
+            finding=told(self.finding, LIMITS | next(iter(values.values()))),
             cases=cases,
             stays=self._stays(values),
         )
