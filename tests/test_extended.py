@@ -7,7 +7,8 @@ import pytest
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
-from ttwmr_mj.dynamics.extended import GRAVITY_M_S2, ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.state import FloatArray
 

@@ -10,6 +10,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
+from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference, kind_of
@@ -30,6 +31,7 @@ class Task:
         sampling_time_s: the control period T.
         nsim: simulations in the batch.
         rng: the controller's own random numbers.
+        ground: the floor, as the controller is told it.
     """
 
     robot: RobotParameters
@@ -37,6 +39,7 @@ class Task:
     sampling_time_s: float
     nsim: int
     rng: np.random.Generator
+    ground: Ground = field(default_factory=Ground)
 
     @property
     def path(self) -> ReferencePath:

@@ -38,19 +38,31 @@ class FlatMotion(NamedTuple):
     along: FloatArray  # (...) a, the acceleration of F along t [m/s²]
 
 
-def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> FlatMotion:
+def motion_from_flat(
+    flat: FloatArray,
+    sign: FloatArray | float,
+    robot: RobotParameters,
+    pull: FloatArray | None = None,
+) -> FlatMotion:
     """P, θ1, θ2 and their derivatives from F and its derivatives.
+
+    What accelerates F beside the hitch (gravity on a slope, balls that resist) comes off F'': then
+    it is F'' − pull that points along the trailer.
 
     Args:
         flat: (..., m, 2) F and its derivatives by time, m ≥ 5; F'' must not vanish, nor P'.
-        sign: of a: +1 for the trailer outside of a circle, −1 for inside.
+        sign: of a: +1 for the trailer outside of a circle, −1 for inside; one or (...).
         robot: its swing length k.
+        pull: (..., m − 2, 2) that acceleration and its derivatives; None: there is none.
 
     Returns:
         the motion, as far as the derivatives reach.
     """
-    points = np.moveaxis(_complex(flat), -1, 0)
-    trailer = _logarithm(sign * points[2:])
+    given = _complex(flat)
+    points = np.moveaxis(given, -1, 0)
+    bent = given[..., 2:] if pull is None else given[..., 2:] - _complex(pull)
+    pulled = np.moveaxis(bent, -1, 0)
+    trailer = _logarithm(sign * pulled)
     theta2 = trailer.imag
     direction = _turning(theta2)
     position = points[:-2] + robot.swing_length_m * direction
@@ -61,7 +73,7 @@ def motion_from_flat(flat: FloatArray, sign: float, robot: RobotParameters) -> F
         theta1=np.moveaxis(theta1, 0, -1),
         theta2=np.moveaxis(theta2, 0, -1),
         twist=np.stack([np.abs(position[1]), theta1[1]], axis=-1),
-        along=sign * np.abs(points[2]),
+        along=sign * np.abs(pulled[0]),
     )
 
 

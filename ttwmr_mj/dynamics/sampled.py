@@ -5,7 +5,9 @@ the command and hold it (`dynamics.servo`), the trailer swings (Eq. 24) under th
 damper and dry friction. Small and vectorised over any leading axes; the analytic plant solves the
 same equations more exactly.
 
-A disturbance is what the model does not explain: slip of P and of the heading, and extra θ̈2.
+A disturbance is what the model does not explain: slip of P and of the heading, and extra θ̈2. What
+acts on the trailer beside that (`dynamics.influence`) is known with the robot and its floor, or
+given to `advance` by who has found it out.
 
 Dry friction sticks where it can. Who differentiates the model asks for a smooth one instead: with
 `smoothing_rad_s` = ε, friction at a hitch rate s is s/√(s² + ε²) of its full size.
@@ -19,9 +21,11 @@ import math
 
 import numpy as np
 
+from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
-from ttwmr_mj.dynamics.kinematics import rolling, to_world
+from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, VISCOUS, held_back, influence_of
+from ttwmr_mj.dynamics.kinematics import rolling, to_body, to_world
 from ttwmr_mj.dynamics.servo import limit_speed, ramp_and_angle
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -36,6 +40,7 @@ class SampledModel:
 
     Attributes:
         period_s: T.
+        influence: (5,) what acts on the trailer, as far as it is known.
         reach_rad_s: how far a wheel's speed can change in one period.
         speed_limit_rad_s: of a wheel.
     """
@@ -46,18 +51,17 @@ class SampledModel:
         period_s: float,
         substep_s: float = SUBSTEP_S,
         smoothing_rad_s: float = 0.0,
+        ground: Ground | None = None,
     ) -> None:
-        hitch = robot.hitch
         self._servo = servo = robot.servo
         self.period_s = period_s
         self.reach_rad_s = servo.acceleration_limit_rad_s2 * period_s
         self.speed_limit_rad_s = servo.speed_limit_rad_s
         self._radius, self._track = robot.tractor.wheel_radius_m, robot.tractor.track_width_m
         self._length = robot.swing_length_m
-        inertia = robot.swing_inertia_kg_m2
-        self._stiffness = hitch.stiffness_n_m_rad / inertia  # [1/s²]
-        self._damping = hitch.damping_n_m_s_rad / inertia  # [1/s]
-        self._friction = hitch.coulomb_friction_n_m / inertia  # [rad/s²]
+        self._com = robot.trailer.com_offset_m
+        self._stiffness = robot.hitch.stiffness_n_m_rad / robot.swing_inertia_kg_m2  # [1/s²]
+        self.influence = influence_of(robot, ground or Ground())
         self._smoothing = smoothing_rad_s
         self._substeps = math.ceil(period_s / substep_s)
 
@@ -69,6 +73,7 @@ class SampledModel:
         *,
         slip: FloatArray | None = None,
         unexplained: FloatArray | float = 0.0,
+        influence: FloatArray | None = None,
     ) -> tuple[FloatArray, FloatArray]:
         """Hold a command for one period.
 
@@ -78,12 +83,16 @@ class SampledModel:
             command: (..., 2) commanded speeds; the servo's limits apply.
             slip: (..., 3) of P ahead, to the left [m/s] and of the heading [rad/s].
             unexplained: (...) extra θ̈2 [rad/s²], whatever its cause.
+            influence: (..., 5) what acts on the trailer; None: what is known of it.
 
         Returns:
             body and wheels one period later.
         """
         change = limit_speed(command, self._servo) - wheels
         step = self.period_s / self._substeps
+        acting = self.influence if influence is None else influence
+        gx, gy = np.moveaxis(acting[..., GRAVITY], -1, 0)
+        sloping, resisted = bool(gx.any() or gy.any()), bool(acting[..., DRAG].any())
         x, y, theta1, theta2, rate = np.moveaxis(body, -1, 0)
         ahead, left, turning = (0.0, 0.0, 0.0) if slip is None else np.moveaxis(slip, -1, 0)
         speed, turn = self._twist(wheels, ahead, turning)
@@ -102,8 +111,14 @@ class SampledModel:
             new_vx, new_vy = to_world(theta1, speed, left)
             theta2 = theta2 + 0.5 * step * rate
             kick = sideways(theta2, new_vx - vx, new_vy - vy)
+            if sloping:
+                kick = kick - step * sideways(theta2, gx, gy)
+            if resisted:
+                along, across = to_body(theta2, new_vx, new_vy)
+                across = across - self._com * rate
+                kick = kick + step * held_back(acting[..., DRAG], along, across)
             rate = rate + kick / self._length + step * unexplained
-            rate = self._hitch(rate, theta2 - middle, turn, step)
+            rate = self._hitch(rate, theta2 - middle, turn, step, acting)
             theta2 = theta2 + 0.5 * step * rate
             vx, vy = new_vx, new_vy
         return np.stack([x, y, theta1, theta2, rate], axis=-1), wheels + moved
@@ -128,17 +143,18 @@ class SampledModel:
         return u1 + ahead, u2 + turning
 
     def _hitch(
-        self, rate: FloatArray, angle: FloatArray, turn: FloatArray, step: float
+        self, rate: FloatArray, angle: FloatArray, turn: FloatArray, step: float, acting: FloatArray
     ) -> FloatArray:
         """θ̇2 after the hitch's spring, and implicit damping and dry friction, for one substep."""
         if self._stiffness:
             rate = rate - step * self._stiffness * angle
-        if self._damping or self._friction:
-            slide = (rate - turn) / (1.0 + step * self._damping)
+        damping, friction = acting[..., VISCOUS], acting[..., DRY]
+        if damping.any() or friction.any():
+            slide = (rate - turn) / (1.0 + step * damping)
             if self._smoothing:
                 # linearly implicit: stable at any step
-                slide = slide / (1.0 + step * self._friction / np.hypot(slide, self._smoothing))
-            elif self._friction:
-                slide = rub(slide, step * self._friction)
+                slide = slide / (1.0 + step * friction / np.hypot(slide, self._smoothing))
+            elif friction.any():
+                slide = rub(slide, step * friction)
             rate = turn + slide
         return rate

@@ -5,8 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.controllers.base import Controller
+from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.influence import influence_of
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import AtRest, Scenario
@@ -17,14 +20,33 @@ from ttwmr_mj.state import RobotState
 def sample_reference(scenario: Scenario) -> ReferencePath | None:
     """The reference at every control sample of the run and a little beyond; None without one.
 
+    It is what the run is judged by: that of the robot that is driven, on the floor there is. A plan
+    is for the robot that it was made for.
+
     Raises:
         InputError: the robot cannot have this reference.
     """
-    faults = scenario.reference.faults(scenario.believed_robot)
+    strange = bool(scenario.reference.faults(scenario.robot))
+    robot = scenario.believed_robot if strange else scenario.robot
+    return _sampled(scenario, robot, scenario.ground)
+
+
+def believed_reference(scenario: Scenario) -> ReferencePath | None:
+    """The same as the controller is told it: of the robot and the floor that are believed in.
+
+    Raises:
+        InputError: that robot cannot have this reference.
+    """
+    return _sampled(scenario, scenario.believed_robot, scenario.believed_ground)
+
+
+def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> ReferencePath | None:
+    faults = scenario.reference.faults(robot)
     if faults:
         raise InputError(*(fault.within("reference") for fault in faults))
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
-    return scenario.reference.sample(times, scenario.believed_robot)
+    path = scenario.reference.sample(times, robot)
+    return None if path is None else carried(path, robot, influence_of(robot, ground))
 
 
 def refuse_trains(robot: RobotParameters) -> None:
@@ -50,17 +72,23 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
 
-        model = ExtendedModel.of(robot, options.analytic.extended)
+        model = ExtendedModel.of(robot, options.analytic.extended, scenario.ground)
         return ExtendedPlant(model, nsim, period_s, longest_s)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 
-        published = options.analytic.published_spring
-        return AnalyticPlant(robot, nsim, period_s, longest_s, published_spring=published)
+        return AnalyticPlant(
+            robot,
+            nsim,
+            period_s,
+            longest_s,
+            ground=scenario.ground,
+            published_spring=options.analytic.published_spring,
+        )
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
-    return ContactPlant(robot, options.contact, nsim=nsim)
+    return ContactPlant(robot, options.contact, nsim, ground=scenario.ground)
 
 
 def make_controller(

@@ -43,7 +43,7 @@ class Experiment:
     Attributes:
         scenario: what to run.
         nsim: simulations in the batch; they differ by their sensor noise only.
-        reference: the sampled reference, or None.
+        reference: the sampled reference that the run is judged by, or None.
         plant: the plant, reset at every run.
         sensor: made anew at every run; None before the first.
     """
@@ -65,7 +65,8 @@ class Experiment:
         self.plant: Plant = build.make_plant(scenario, nsim)
         self.sensor: Sensor | None = None
         self._folder = folder or Path()
-        self._controller = build.make_controller(scenario, self.reference, self._folder)
+        self._told = build.believed_reference(scenario)
+        self._controller = build.make_controller(scenario, self._told, self._folder)
 
     def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
         """Run from the initial state to the end, or to where it breaks.
@@ -84,10 +85,15 @@ class Experiment:
             self.sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
         loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
-        period = scenario.control.sampling_time_s
-        loop.run(
-            Task(scenario.believed_robot, self.reference, period, self.nsim, rng["controller"])
+        task = Task(
+            scenario.believed_robot,
+            self._told,
+            scenario.control.sampling_time_s,
+            self.nsim,
+            rng["controller"],
+            scenario.believed_ground,
         )
+        loop.run(task)
         return Result(
             scenario=scenario,
             trajectory=loop.rows.rows(0, loop.done),

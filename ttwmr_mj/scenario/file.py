@@ -168,8 +168,10 @@ def _place(container: Any, key: str, override: str) -> Any:
 
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
-    nothing_believed = {"belief"} if not scenario.belief.robot else None
-    data = scenario.model_dump(mode="json", exclude=nothing_believed)
+    data = scenario.model_dump(mode="json")
+    believed = {key: value for key, value in data.pop("belief").items() if value}
+    if believed:  # a table that is empty would read as if something were believed
+        data["belief"] = believed
     return tomli_w.dumps(_without_none(data))
 
 

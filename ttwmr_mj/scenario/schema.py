@@ -4,6 +4,7 @@ A scenario is a TOML file. Units stand in the names, unknown keys are errors, an
 out has a documented default. `ttwmr export-schema` prints the same as JSON Schema.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, GetCoreSchemaHandler, GetPydanticSchema, field_validator
@@ -11,6 +12,7 @@ from pydantic_core import core_schema
 
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
 from ttwmr_mj.dynamics.extended import ExtendedParameters
+from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import REFERENCES, Angle, Point, Reference
 from ttwmr_mj.robot import Config, RobotParameters
@@ -132,20 +134,27 @@ class OutputOptions(Config):
     )
 
 
-def _part_of_robot(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
-    """Checked like [robot], and kept as the table that was given."""
-    return core_schema.no_info_after_validator_function(
-        lambda robot: robot.model_dump(exclude_unset=True),
-        handler(RobotParameters),
-        serialization=core_schema.plain_serializer_function_ser_schema(dict),
-    )
+def _part_of(model: type[Config]) -> Callable[[Any, GetCoreSchemaHandler], core_schema.CoreSchema]:
+    """A table checked like the model, and kept as it was given."""
+
+    def schema(_: Any, handler: GetCoreSchemaHandler) -> core_schema.CoreSchema:
+        return core_schema.no_info_after_validator_function(
+            lambda given: given.model_dump(exclude_unset=True),
+            handler(model),
+            serialization=core_schema.plain_serializer_function_ser_schema(dict),
+        )
+
+    return schema
 
 
 class BeliefOptions(Config):
     """What controller, reference and camera tracker take for true, where it is not."""
 
-    robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of_robot)] = Field(
+    robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of(RobotParameters))] = Field(
         default={}, description="any part of [robot]; what is left out is believed as it is"
+    )
+    ground: Annotated[dict[str, Any], GetPydanticSchema(_part_of(Ground))] = Field(
+        default={}, description="any part of [ground]; what is left out is believed as it is"
     )
 
 
@@ -165,6 +174,7 @@ class Scenario(Config):
         gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
     )
     robot: RobotParameters = RobotParameters()
+    ground: Ground = Ground()
     belief: BeliefOptions = BeliefOptions()
     plant: PlantOptions = PlantOptions()
     initial: Initial = Field(default=AtRest(), description="where the robot starts")
@@ -190,6 +200,11 @@ class Scenario(Config):
     def believed_robot(self) -> RobotParameters:
         """The robot as controller, reference and camera tracker know it; `robot` is driven."""
         return self.robot.overridden(self.belief.robot) if self.belief.robot else self.robot
+
+    @property
+    def believed_ground(self) -> Ground:
+        """The floor as the controller knows it; `ground` is driven on."""
+        return Ground(**self.ground.model_dump() | self.belief.ground)
 
     @property
     def periods(self) -> int:

@@ -19,6 +19,8 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
+from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.influence import DRY, VISCOUS
 from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -45,33 +47,42 @@ class HitchFriction:
         believed: the robot as the controller takes it to be.
     """
 
-    def __init__(self, robot: RobotParameters, options: FrictionOptions) -> None:
+    def __init__(self, robot: RobotParameters, ground: Ground, options: FrictionOptions) -> None:
         dry = robot.hitch.coulomb_friction_n_m if options.dry == "model" else 0.0
         hitch = robot.hitch.model_copy(update={"coulomb_friction_n_m": dry})
         self.believed = robot.model_copy(update={"hitch": hitch})
-        self._scale_rad_s = options.smoothing_rad_s
-        self._size = dry / robot.swing_inertia_kg_m2
+        self._ground, self._scale_rad_s = ground, options.smoothing_rad_s
 
     def planning(self, period_s: float, substep_s: float = SUBSTEP_S) -> SampledModel:
         """The sampled model with smooth friction: what can be differentiated."""
-        return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s)
+        return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s, self._ground)
 
     def free(self, period_s: float) -> SampledModel:
         """The sampled model without dry friction."""
         hitch = self.believed.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
-        return SampledModel(self.believed.model_copy(update={"hitch": hitch}), period_s)
+        robot = self.believed.model_copy(update={"hitch": hitch})
+        return SampledModel(robot, period_s, ground=self._ground)
 
     def rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
         return now.body[:, 4] - rolling_turn_rate(now.wheels, self.believed) - now.slip[:, 2]
 
-    def acceleration(self, now: Observed) -> FloatArray:
-        """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
-        return self._acceleration(self.rate(now))
+    def acceleration(self, now: Observed, viscous: FloatArray) -> FloatArray:
+        """(nsim,) θ̈2 that smooth friction causes [rad/s²].
 
-    def acceleration_along(self, state: FloatArray) -> FloatArray:
-        """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
-        return self._acceleration(state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed))
+        Args:
+            now: with what is known or learned of the hitch.
+            viscous: (nsim,) or one; viscous friction that is counted elsewhere [1/s].
+        """
+        return self._acceleration(self.rate(now), now.influence, viscous)
 
-    def _acceleration(self, rate: FloatArray) -> FloatArray:
-        return np.asarray(-self._size * rate / np.hypot(rate, self._scale_rad_s))
+    def acceleration_along(self, state: FloatArray, influence: FloatArray) -> FloatArray:
+        """(...) the same along states (..., 7) of a plan, made with influences (..., 5)."""
+        rate = state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed)
+        return self._acceleration(rate, influence, influence[..., VISCOUS])
+
+    def _acceleration(
+        self, rate: FloatArray, influence: FloatArray, viscous: FloatArray
+    ) -> FloatArray:
+        dry = -influence[..., DRY] * rate / np.hypot(rate, self._scale_rad_s)
+        return np.asarray(dry - (influence[..., VISCOUS] - viscous) * rate)

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.dynamics.influence import DRY, INFLUENCES
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -25,7 +26,10 @@ from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
 STATES, INPUTS, RESIDUALS = 7, 2, 6
-DISTURBANCES = SLIP + 1  # slip, and the unexplained θ̈2
+UNKNOWN = SLIP + 1  # slip, and the unexplained θ̈2
+# Where the law learns, what acts on the trailer is part of the disturbance, and differentiated but
+# for the hitch's friction, which is stiff (`friction`).
+LEARNED, SMOOTH = UNKNOWN + INFLUENCES, UNKNOWN + DRY
 STEP = 1e-5  # of the central differences: error of order 1e-10
 
 
@@ -59,7 +63,7 @@ class Linear(NamedTuple):
 
     A: FloatArray  # (..., 7, 7)
     B: FloatArray  # (..., 7, 2)
-    D: FloatArray  # (..., 7, 4) by slip and unexplained θ̈2
+    D: FloatArray  # (..., 7, lasting) by slip, unexplained θ̈2 and, where it is learned, gravity, c
 
 
 class TrackingProblem:
@@ -67,11 +71,20 @@ class TrackingProblem:
 
     Attributes:
         residual_by_command: (6, 2) derivative of r by the command, everywhere.
+        width: numbers of a disturbance: slip (3), unexplained θ̈2 and, with a law that learns, the
+            five of `dynamics.influence`.
+        lasting: how many of these the linear problem knows.
     """
 
     def __init__(
-        self, robot: RobotParameters, model: SampledModel, weights: TrackingWeights
+        self,
+        robot: RobotParameters,
+        model: SampledModel,
+        weights: TrackingWeights,
+        *,
+        learns: bool = False,
     ) -> None:
+        self.width, self.lasting = (LEARNED, SMOOTH) if learns else (UNKNOWN, UNKNOWN)
         self._robot, self._model, self._length = robot, model, robot.swing_length_m
         position, angle = 1.0 / weights.position_scale_m, 1.0 / weights.angle_scale_rad
         change = 1.0 / weights.change_scale_rad_s
@@ -100,10 +113,15 @@ class TrackingProblem:
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
-        """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
+        """(..., 7) states one period later, under a disturbance (..., width) that stays."""
         slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
-            state[..., :BODY], state[..., BODY:], command, slip=slip, unexplained=unexplained
+            state[..., :BODY],
+            state[..., BODY:],
+            command,
+            slip=slip,
+            unexplained=unexplained,
+            influence=disturbance[..., UNKNOWN:] if self.width > UNKNOWN else None,
         )
         return np.concatenate([body, wheels], axis=-1)
 
@@ -141,13 +159,14 @@ class TrackingProblem:
         Args:
             state: (..., 7).
             command: (..., 2).
-            disturbance: (..., 4), or what broadcasts to it.
+            disturbance: (..., width), or what broadcasts to it.
         """
-        disturbance = np.broadcast_to(disturbance, (*state.shape[:-1], DISTURBANCES))
+        disturbance = np.broadcast_to(disturbance, (*state.shape[:-1], self.width))
         given = np.concatenate([state, command, disturbance], axis=-1)
-        width = given.shape[-1]
-        moved = given[..., None, :] + STEP * np.concatenate([np.eye(width), -np.eye(width)])
+        count = STATES + INPUTS + self.lasting
+        steps = STEP * np.eye(count, given.shape[-1])
+        moved = given[..., None, :] + np.concatenate([steps, -steps])
         after = self.next_state(*np.split(moved, [STATES, STATES + INPUTS], axis=-1))
-        slope = (after[..., :width, :] - after[..., width:, :]) / (2.0 * STEP)
+        slope = (after[..., :count, :] - after[..., count:, :]) / (2.0 * STEP)
         slope = np.swapaxes(slope, -1, -2)
         return Linear(*np.split(slope, [STATES, STATES + INPUTS], axis=-1))

@@ -86,7 +86,13 @@ class WaysBack:
         return np.asarray((self._troubled >= PATIENCE) & (k - self._began > PATIENCE))
 
     def choose(
-        self, k: int, who: BoolArray, body: FloatArray, velocity: FloatArray, wheels: FloatArray
+        self,
+        k: int,
+        who: BoolArray,
+        body: FloatArray,
+        velocity: FloatArray,
+        wheels: FloatArray,
+        gravity: FloatArray,
     ) -> tuple[FloatArray, FloatArray] | None:
         """Give simulations a way from where they are; None near the end of the reference.
 
@@ -96,6 +102,7 @@ class WaysBack:
             body: (m, 5) x, y, θ1, θ2, θ̇2.
             velocity: (m, 2) P'.
             wheels: (m, 2) setpoints of the servos [rad/s].
+            gravity: (m, 2) along the floor [m/s²].
 
         Returns:
             (m,) a and a' to start with.
@@ -108,7 +115,8 @@ class WaysBack:
         a = self._sign * np.hypot(*now[2]) * self._size[usable]
         a_rate = a * self._turn_rate * self._rate[usable]
         error = self._flat_state(body, velocity, a, a_rate) - now[:4]
-        strain, away = self._strain(k, error, steps * self._period, wheels)
+        error[:, :, 2] += gravity
+        strain, away = self._strain(k, error, steps * self._period, wheels, gravity)
         angle = self._turn_rate * self._period * steps
         cost = EXCESS_RAD * np.maximum(strain - 1.0, 0.0) + AWAY_RAD * away / radius
         chosen = (angle[:, None] + cost).argmin(axis=0)
@@ -129,7 +137,12 @@ class WaysBack:
         return np.stack([*known, second, third], axis=2)
 
     def _strain(
-        self, k: int, error: FloatArray, duration_s: FloatArray, wheels: FloatArray
+        self,
+        k: int,
+        error: FloatArray,
+        duration_s: FloatArray,
+        wheels: FloatArray,
+        gravity: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """What ways take: the worst ratio to what they may take (c, m), and how far |p| gets [m].
 
@@ -138,6 +151,7 @@ class WaysBack:
             error: (c, m, 4, 2) e and its derivatives then.
             duration_s: (c,).
             wheels: (m, 2) setpoints then [rad/s].
+            gravity: (m, 2) along the floor [m/s²].
         """
         longest = round(float(duration_s.max()) / self._period)
         stride = max(longest // POINTS, 1)
@@ -145,7 +159,9 @@ class WaysBack:
         count = (window.size, *error.shape[:2])
         elapsed = np.broadcast_to(self._period * window[:, None, None], count)
         p = way_back(error, elapsed, np.broadcast_to(duration_s[:, None], count))
-        motion = motion_from_flat(self._flat[k + window, None] + p, self._sign, self._robot)
+        pull = np.zeros((len(gravity), ORDERS - 2, 2))
+        pull[:, 0] = gravity
+        motion = motion_from_flat(self._flat[k + window, None] + p, self._sign, self._robot, pull)
         speeds = wheels_from_twist(motion.twist, self._robot)
         change = np.abs(np.diff(speeds, axis=0)).max(axis=(0, -1)) / (stride * self._period)
         # at the start a and a' may jump: two periods for it

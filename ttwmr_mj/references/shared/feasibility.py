@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ttwmr_mj.dynamics.flatness import flat_output_acceleration
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.kinematics import (
@@ -34,7 +35,6 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
-GRAVITY_M_S2 = 9.81
 SIDE_SLIP_M_S = 1e-3  # a hundredth of a slow robot's speed
 HITCH_TORQUE_N_M = 1e-5  # a hundredth of what a small dry friction gives
 FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P

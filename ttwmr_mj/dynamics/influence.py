@@ -1,0 +1,35 @@
+"""What acts on the trailer beside its hinge's motion: slope, resisting balls, hitch friction.
+
+Five numbers, the same for a controller that knows them and for one that has to find them out:
+
+    k·θ̈2 = (P'' − g_p)·n + c·v̂·n + k·(friction's θ̈2)
+
+g_p is gravity along the floor (`ground`). Balls of radius ρ that resist with the lever δ hold the
+trailer back with c = g·δ/ρ per mass, against the velocity v of its COM: c acts like gravity along
+−v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
+"""
+
+import numpy as np
+
+from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+GRAVITY = slice(0, 2)  # g_p, x and y [m/s²]
+DRAG, DRY, VISCOUS = 2, 3, 4  # c [m/s²], dry friction [rad/s²], viscous friction [1/s]
+INFLUENCES = 5
+FADING_M_S = 1e-3  # a trailer slower than this is held back by less: no direction jumps at rest
+
+
+def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
+    """(5,) what acts on the first trailer of a robot whose numbers are all known."""
+    casters, hitch, inertia = robot.casters, robot.hitch, robot.swing_inertia_kg_m2
+    drag = ground.normal_gravity_m_s2 * casters.rolling_resistance_m / casters.radius_m
+    friction = hitch.coulomb_friction_n_m / inertia, hitch.damping_n_m_s_rad / inertia
+    return np.array([*ground.gravity_m_s2, drag, *friction])
+
+
+def held_back(drag_m_s2: FloatArray, along_m_s: FloatArray, across_m_s: FloatArray) -> FloatArray:
+    """(...) c·v̂·n [m/s²] of a COM that moves along and across its trailer at these speeds."""
+    speed = np.sqrt(along_m_s**2 + across_m_s**2 + FADING_M_S**2)
+    return np.asarray(drag_m_s2 * across_m_s / speed)

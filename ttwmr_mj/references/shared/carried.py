@@ -1,0 +1,95 @@
+"""The same path of the trailer's centre of oscillation where other forces act on the trailer.
+
+On a slope, or with balls that resist, F can still go where it should, but θ2 and P that carry it
+there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (`dynamics.influence`, d: all but gravity),
+
+    F'' − g_p + k·d·n = a·t,
+
+so θ2 is the direction of the left-hand side. d depends on the motion in turn; it is small against
+a, and found by repeating.
+"""
+
+import numpy as np
+
+from ttwmr_mj.dynamics.flatness import (
+    FlatMotion,
+    dot,
+    motion_from_flat,
+    trailer_axes,
+    velocity_behind,
+)
+from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray, wrap
+
+ROUNDS = 25  # the error falls to c/|a| of it in each: a fifth at δ = 1e-4 m on a circle of 0.6 m
+ROOM = 1.2  # |F''| over what acts on the trailer, below which θ2 would have no firm direction
+
+
+def carried(
+    path: ReferencePath,
+    robot: RobotParameters,
+    influence: FloatArray,
+    unexplained: FloatArray | float = 0.0,
+) -> ReferencePath:
+    """The reference under these influences; unchanged where F could not be carried along its path.
+
+    Derivatives of P from the third on, and of θ1 from the second on, are taken by differences.
+
+    Args:
+        path: of a free trailer on a level floor.
+        robot: whose trailer is carried.
+        influence: (5,) or (nsim, 5); of friction in the hitch nothing is made here.
+        unexplained: (nsim,) or one θ̈2 that lasts [rad/s²].
+    """
+    influence = np.atleast_2d(influence)
+    drag, push = influence[:, DRAG], robot.swing_length_m * np.asarray(unexplained)
+    most = np.hypot(*influence[:, GRAVITY].T) + drag + np.abs(push)
+    if path.flat_derivatives is None or not most.any():
+        return path
+    if np.hypot(*np.moveaxis(path.flat_derivatives[:, :, 2], -1, 0)).min() < ROOM * most.max():
+        return path
+    batch = np.broadcast_shapes(path.flat_derivatives.shape[1:2], most.shape)
+    flat = np.broadcast_to(path.flat_derivatives, (len(path.time_s), *batch, 5, 2))
+    sign = np.sign(dot(flat[:1, :, 2], trailer_axes(path.theta2_rad[:1])[0]))
+    gravity = np.zeros((*flat.shape[:2], 3, 2))
+    gravity[:, :, 0] = influence[:, GRAVITY]
+    pull = gravity
+    for _ in range(ROUNDS if (drag.any() or push.any()) else 0):
+        aside = _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag, push)
+        pull = gravity.copy()
+        for order in range(3):
+            pull[:, :, order] -= aside
+            aside = np.gradient(aside, path.time_s, axis=0)
+    return _reference(path, flat, motion_from_flat(flat, sign, robot, pull))
+
+
+def _aside(
+    flat: FloatArray, motion: FlatMotion, robot: RobotParameters, drag: FloatArray, push: FloatArray
+) -> FloatArray:
+    """(n, batch, 2) k·d·n [m/s²]."""
+    theta2, rate = motion.theta2[..., 0], motion.theta2[..., 1]
+    t, n = trailer_axes(theta2)
+    velocity = flat[:, :, 1] + (robot.swing_length_m * rate)[..., None] * n
+    com = velocity_behind(velocity, theta2, rate, robot.trailer.com_offset_m)
+    return np.asarray((held_back(drag, dot(com, t), dot(com, n)) + push)[..., None] * n)
+
+
+def _reference(path: ReferencePath, flat: FloatArray, motion: FlatMotion) -> ReferencePath:
+    derivatives, rates = [*np.moveaxis(motion.position, 2, 0)], motion.theta1[..., 1]
+    for _ in range(2):
+        derivatives.append(np.gradient(derivatives[-1], path.time_s, axis=0))
+    theta1 = np.stack([motion.theta1[..., 0], rates, np.gradient(rates, path.time_s, axis=0)])
+    theta = np.stack([theta1, np.moveaxis(motion.theta2[..., :3], -1, 0)], axis=-1)
+    turns = np.unwrap(theta[0], axis=0)
+    # on the branch of the reference it was
+    turns += path.theta[:1] + wrap(turns[:1] - path.theta[:1]) - turns[:1]
+    return ReferencePath(
+        time_s=path.time_s,
+        derivatives=np.stack(derivatives, axis=2),
+        theta=turns,
+        theta_rate=theta[1],
+        theta_acceleration=theta[2],
+        flat_derivatives=flat,
+    )
