@@ -141,6 +141,6 @@ def test_the_friction_sweep_in_numbers() -> None:
     assert values["start_enough_mn_m"] == pytest.approx(0.5)
     assert values["camera_too_little_mn_m"] == pytest.approx(2.0)
     assert values["camera_enough_mn_m"] == math.inf
-    assert values["runs_that_stand"] == 8  # of 10 dry ones
-    assert values["runs_that_balance"] == 4
+    assert values["runs_that_stand"] == 5  # of 7 dry ones
+    assert values["runs_that_balance"] == 3
     assert values["viscous_hitch_angle_rad"] == 1.5
