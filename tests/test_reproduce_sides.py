@@ -101,9 +101,9 @@ def test_how_far_a_limit_may_move_is_told() -> None:
     printed, omitted = (part.number for part in claim.decides.comparisons)
     found = claim.judged({"": {printed: 0.38, omitted: 0.0003}})
     assert found.stays == {"TRACTOR_FOLLOWS_M": (0.0003, 0.38)}
-    assert found.sensitivity == ["TRACTOR_FOLLOWS_M = 10 mm: from 0.3 mm to 380 mm"]
+    assert found.sensitivity == ["TRACTOR_FOLLOWS_M = 10 mm: 0.3 mm to 380 mm"]
     found = claim.judged({"": {printed: 0.38, omitted: math.inf}})
-    assert found.sensitivity == ["TRACTOR_FOLLOWS_M = 10 mm: any below 380 mm"]
+    assert found.sensitivity == ["TRACTOR_FOLLOWS_M = 10 mm: anything up to 380 mm"]
 
 
 def test_the_trailer_has_twice_the_tractors_limit_and_every_limit_its_reason() -> None:

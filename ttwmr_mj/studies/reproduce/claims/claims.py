@@ -54,8 +54,8 @@ def _stays(name: str, low: float, high: float | None) -> str:
 
     at = f"{name} = {shown(LIMITS[name])}"
     if high is None:
-        return f"{at}: any above {shown(low)}" if low else f"{at}: whatever it is"
-    return f"{at}: from {shown(low)} to {shown(high)}" if low else f"{at}: any below {shown(high)}"
+        return f"{at}: anything above {shown(low)}" if low else f"{at}: anything"
+    return f"{at}: {shown(low)} to {shown(high)}" if low else f"{at}: anything up to {shown(high)}"
 
 
 @dataclass(frozen=True, slots=True)
