@@ -52,7 +52,7 @@ class Fitted:
     value: float
     confidence_95: list[float]  # low and high end; one-sided where it reaches the bound zero
     expected: float  # from the robot's own numbers
-    identified: bool  # by the data alone: the interval is narrower than the value
+    identified: bool  # by the data alone: a two-sided interval narrower than the value
     pinned: bool  # to zero, as the data cannot tell it from that
 
 
@@ -120,7 +120,7 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
             value=float(value[i]),
             confidence_95=[float(low[i]), float(high[i])],
             expected=float(search.start[i]),
-            identified=bool(half[i] < abs(value[i])),
+            identified=bool(half[i] < abs(value[i]) and low[i] > FLOOR[i]),
             pinned=bool(pinned[i]),
         )
         for i, name in enumerate(SCALES)
