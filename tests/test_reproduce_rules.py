@@ -75,7 +75,7 @@ def test_the_experiment_is_run_with_a_camera() -> None:
                 assert (scenario.sensing.kind, scenario.plant.kind) == ("camera", "contact")
                 assert scenario.robot.hitch.damping_n_m_s_rad == 0.0
                 friction.add(scenario.robot.hitch.coulomb_friction_n_m)
-    assert frictions == {"1 mN·m": {1e-3}, "none": {0.0}, "0.5 mN·m": {5e-4}, "2 mN·m": {2e-3}}
+    assert frictions == {"1 mN·m": {1e-3}, "none": {0.0}, "0.5 mN·m": {5e-4}, "1.5 mN·m": {1.5e-3}}
 
 
 def test_runs_are_what_their_names_say() -> None:
