@@ -41,10 +41,10 @@ class Overrides(Subcommand):
     """Subcommands that read scenarios, in which single values can be replaced."""
 
     overrides: tuple[str, ...] = option(
-        "override one value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
+        "override a value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
     )
     fragment: Path | None = option(
-        "TOML merged into the scenario, such as what compare --fit writes", metavar="FILE"
+        "TOML file merged into the scenario, such as compare --fit writes", metavar="FILE"
     )
     seed: int | None = option("replace the scenario's seed")
 
@@ -53,6 +53,12 @@ class Overrides(Subcommand):
         from ttwmr_mj.scenario.file import load_scenario
 
         return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragment)
+
+
+def warn(lines: list[str]) -> None:
+    """Say what is worth knowing and no error."""
+    for line in lines:
+        print(f"ttwmr: warning: {line}", file=sys.stderr)
 
 
 def command_line() -> list[str]:

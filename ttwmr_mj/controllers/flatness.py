@@ -23,15 +23,15 @@ trailer, and so must the integral; the factor (λ + iω)⁴ undoes the chain's d
 Stability: with D = d/dt, (D + λ)⁴(D − iω)·e + κλ(λ + iω)⁴·e = 0 at constant ω. At κ = 0 its roots
 are −λ, four times, and the integral's iω, which moves to iω − κλ to first order in κ; at ω = 0 all
 are stable up to κ = 0.57. So e → 0 exponentially for small κ. λ is in proportion to the reference's
-turn rate, so that an error of some share of the reference asks for that share of its accelerations,
-slow or fast. The argument assumes that a ≠ 0 (else θ2 is
+turn rate, so that an error of a given share of the reference demands that share of its
+accelerations, slow or fast. The argument assumes that a ≠ 0 (else θ2 is
 undefined: a is kept above a share of the reference's), a period short against 1/λ, no saturated
 wheel, P' ≠ 0, and that d changes slowly. The whole state is covered: F, F', F'', F''' determine P,
 P', θ2 and θ̇2, and θ1 follows P'. There are no zero dynamics, trailer outside or inside.
 
-Where wheels are cut, P nearly stands, a is held from zero or F'' is far off for some samples in a
-row, the law does not go on pulling at the reference: it follows a way back that the servos can
-drive (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
+Where wheels saturate, P nearly stands still, a is kept from zero or F'' is far off for some samples
+in a row, the law does not keep to the reference: it follows a recovery path within the servos'
+limits (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
 circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: docs/controllers.md.
 """
 
@@ -73,7 +73,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
     def start(self, task: Task) -> None:
         """Take the reference."""
         super().start(task)
-        path, options, nsim = task.path, self._options, task.nsim
+        path, options, nsim = task.path_ahead, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
         flat = path.flat_derivatives
         direction, _ = trailer_axes(path.theta2_rad[0])
@@ -133,7 +133,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         t, n = trailer_axes(theta2)
         length = self._robot.trailer.com_offset_m
         com = velocity_behind(self._velocity(now), theta2, rate, length)
-        return push + held_back(now.influence[:, DRAG], dot(com, t), dot(com, n)) / self._length
+        along, across, drag = dot(com, t), dot(com, n), now.influence[:, DRAG]
+        return push + held_back(drag, along, across, rate, self._robot) / self._length
 
     def _fourth_derivative(
         self, k: int, now: Observed, d: FloatArray
@@ -216,20 +217,21 @@ class FlatnessOptions(SteeringOptions):
         default=None,
         gt=0,
         le=30,
-        description="λ: all four poles of the error are near −λ; left out: 3.5 times the mean turn "
-        "rate of the reference's trailer, typically 1 to 4",
+        description="λ: all four poles of the error are near −λ; default: 3.5 times the mean "
+        "turn rate of the reference's trailer, typically 1 to 4",
     )
     integral_share: float = Field(
         default=0.15,
         ge=0,
         le=0.5,
-        description="κ: the integral of the error settles at the rate κλ",
+        description="κ: the integral of the error settles at the rate κλ; typically 0.15",
     )
     least_acceleration_share: float = Field(
         default=0.3,
         gt=0,
         le=1,
-        description="share of the reference's |F''| that the law keeps: near none θ2 is undefined",
+        description="share of the reference's |F''| below which the law does not let |F''| "
+        "fall, as θ2 is undefined where F'' = 0; typically 0.3",
     )
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:

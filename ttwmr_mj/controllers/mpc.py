@@ -1,13 +1,13 @@
-"""Model predictive control: the coming second, optimised anew every period.
+"""Model predictive control: the next second, optimised again every period.
 
 Minimises the stage cost of `tracking_problem` over a horizon on the sampled nonlinear model, from
-the observer's state and with its disturbances taken to last, under the servos' limits and with the
-hitch's dry friction, smoothed, in the model. The cost beyond the horizon is the cost to go of the
+the observer's state and with its disturbances assumed to last, under the servos' limits and with
+the hitch's dry friction, smoothed, in the model. The terminal cost is the cost-to-go of the
 time-varying LQR about the reference.
 
 Every period: linearise along the last plan, make one Gauss-Newton step by the Riccati recursion,
-roll its policy out from where the robot really is, for a few lengths of the step and with commands
-cut to the servos' limits, and keep the best. One step a period suffices, as the plan is
+roll its policy out from the estimated state, for a few lengths of the step and with commands
+limited to what the servos can do, and keep the best. One step per period suffices, as the plan is
 warm-started and the error of one period is small.
 
 Stability: locally, in the classical way. The final cost is a Lyapunov function of the linearised
@@ -20,9 +20,9 @@ the scale of one step: a hitch that sticks ends where friction lets go of the er
 reference there is no proof, but the nonlinear model and the limits are in the plan, which is what a
 linear law lacks.
 
-Time: a command that takes longer than a period comes too late on a real robot. The run counts such
-overruns (`control_overruns` in metrics.json); the command is used all the same, so that results do
-not depend on the machine's load.
+Time: a command that takes longer than a period comes too late on a real robot. The run counts these
+deadline misses (`control_overruns` in metrics.json); the command is used all the same, so that
+results do not depend on the machine's load.
 """
 
 from typing import Literal
@@ -57,14 +57,14 @@ class Mpc(PlanningLaw["MpcOptions"]):
         weights, learns = self._options.weights, self._learns
         self._problem = TrackingProblem(self._robot, smooth, weights, learns=learns)
         self._horizon: Rollout | None = None
-        self._plan(task.path)
+        self._plan(task.path_ahead)
 
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
         problem = self._problem
         state, command = fit(problem, problem.target(path), self._planned, passes)
         self._target = Target(state, command, problem.centre(state))
         decay = self._options.decay(self._period, problem.lasting)
-        self._lqr = lqr(problem, state, command, self._planned, decay)
+        self._lqr = lqr(problem, state, command, decay, self._planned)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The first command of the improved plan."""
@@ -118,10 +118,13 @@ class Mpc(PlanningLaw["MpcOptions"]):
 
 
 class MpcOptions(TvlqrOptions):
-    """Model predictive control; steers the trailer, recovers from far."""
+    """Model predictive control; steers the trailer, even from large errors."""
 
     law = Mpc
     kind: Literal["mpc"] = "mpc"  # type: ignore[assignment]  # the tag of another law
     horizon_samples: int = Field(
-        default=30, ge=2, le=60, description="control periods ahead; a second is typical"
+        default=30,
+        ge=2,
+        le=60,
+        description="prediction horizon in control periods; typically one second, 30",
     )

@@ -17,7 +17,7 @@ turns; at standstill it is not (a robot that stands cannot correct its position 
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
 locally, while no servo saturates and the model is right between samples. Dry friction that the
 robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
-What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
+Outside that region it does not recover: the gains stay the same (`mpc` plans its way back).
 """
 
 from typing import Any, ClassVar, Literal
@@ -50,7 +50,7 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         smooth, free = self._friction.planning(self._period), self._friction.free(self._period)
         self._smooth = TrackingProblem(robot, smooth, weights, learns=learns)
         self._free = TrackingProblem(robot, free, weights, learns=learns)
-        self._plan(task.path)
+        self._plan(task.path_ahead)
 
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
         self._state, self._command = fit(
@@ -59,7 +59,7 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         without = self._planned.copy()
         without[:, UNKNOWN + DRY : UNKNOWN + VISCOUS] = 0.0
         decay = self._options.decay(self._period, self._free.lasting)
-        self._gain = lqr(self._free, self._state, self._command, without, decay).gain
+        self._gain = lqr(self._free, self._state, self._command, decay, without).gain
         influence = self._influence_planned
         self._rubbing = self._friction.acceleration_along(self._state, influence)
 
@@ -87,7 +87,8 @@ class TvlqrOptions(SteeringOptions):
         default=10.0,
         gt=0,
         le=1e4,
-        description="how long slip and an unexplained θ̈2 are taken to last",
+        description="time constant with which slip and an unexplained θ̈2 are assumed to "
+        "decay; typically 10",
     )
 
     def decay(self, period_s: float, lasting: int) -> FloatArray:

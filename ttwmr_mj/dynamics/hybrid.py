@@ -1,4 +1,4 @@
-"""Hybrid model (Eq. 24-29): a tractor that obeys, a trailer that swings.
+"""Hybrid model (Eq. 24-29): a tractor with prescribed motion, a trailer that swings.
 
 All functions work over any leading axes, world frame, SI units. The state of Eq. 25 is
 z = (x, ẋ, y, ẏ, θ2, θ̇2) (..., 6); its input v = (ẍ, ÿ) (..., 2) is the acceleration of P

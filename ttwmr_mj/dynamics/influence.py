@@ -2,15 +2,16 @@
 
 Five numbers, the same for a controller that knows them and for one that has to find them out:
 
-    k·θ̈2 = (P'' − g_p)·n + c·v̂·n + k·(friction's θ̈2)
+    k·θ̈2 = (P'' − g_p)·n + c·½Σ(v̂·n ± (s/l)·v̂·t) + k·(friction's θ̈2)
 
-g_p is gravity along the floor (`ground`). Balls of radius ρ that resist with the lever δ hold the
-trailer back with c = g·δ/ρ per mass, against the velocity v of its COM: c acts like gravity along
-−v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
+g_p is gravity along the floor (`ground`). Two balls that resist (`balls`), s to either side of the
+COM, hold the trailer back with the force c per mass, each half of it against its velocity v: nearly
+as if gravity pulled along −v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
 """
 
 import numpy as np
 
+from ttwmr_mj.dynamics.balls import ball_loads, resistance, torque_about_p
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -24,12 +25,27 @@ FADING_M_S = 1e-3  # a trailer slower than this is held back by less: no directi
 def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
     """(5,) what acts on the first trailer of a robot whose numbers are all known."""
     casters, hitch, inertia = robot.casters, robot.hitch, robot.swing_inertia_kg_m2
-    drag = ground.normal_gravity_m_s2 * casters.rolling_resistance_m / casters.radius_m
+    _, load = ball_loads(robot, ground.normal_gravity_m_s2)
+    drag = 2.0 * resistance(robot, casters.rolling_resistance_m, load) / robot.trailer.mass_kg
     friction = hitch.coulomb_friction_n_m / inertia, hitch.damping_n_m_s_rad / inertia
     return np.array([*ground.gravity_m_s2, drag, *friction])
 
 
-def held_back(drag_m_s2: FloatArray, along_m_s: FloatArray, across_m_s: FloatArray) -> FloatArray:
-    """(...) c·v̂·n [m/s²] of a COM that moves along and across its trailer at these speeds."""
-    speed = np.sqrt(along_m_s**2 + across_m_s**2 + FADING_M_S**2)
-    return np.asarray(drag_m_s2 * across_m_s / speed)
+def held_back(
+    drag_m_s2: FloatArray,
+    along_m_s: FloatArray,
+    across_m_s: FloatArray,
+    turn_rad_s: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """(...) what resisting balls add to k·θ̈2 [m/s²].
+
+    Args:
+        drag_m_s2: c.
+        along_m_s: velocity of the trailer's COM along the trailer.
+        across_m_s: the same to its left.
+        turn_rad_s: θ̇2.
+        robot: where the balls are: on either side of the COM.
+    """
+    torque = torque_about_p(along_m_s, across_m_s, turn_rad_s, robot, FADING_M_S)
+    return np.asarray(0.5 * drag_m_s2 * torque / robot.trailer.com_offset_m)

@@ -1,9 +1,12 @@
-"""A run in words: what was asked and how it ended, for the terminal and the recording."""
+"""A run in words: what was run and how it ended, for the terminal and the recording."""
 
 from typing import Any
 
+from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.scenario.schema import Scenario
 
+# what a run is measured by: where the trailer goes if the reference says where, else where P goes
+HEADLINES = ("steady_centre_of_oscillation_rmse_m", "steady_tractor_rmse_m")
 RESULT_ROWS = (
     ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
     ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
@@ -15,13 +18,13 @@ RESULT_ROWS = (
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
     ("near_singular_share", "near-singular samples", 100.0, "%"),
-    ("control_overruns", "commands later than a period", 1.0, ""),
+    ("control_overruns", "deadline misses", 1.0, ""),
     ("control_slowest_s", "slowest command", 1e3, "ms"),
 )
 
 
 def summary(scenario: Scenario) -> str:
-    """What was asked, for the recording's text panel."""
+    """What is run, for the recording's text panel."""
     rows = {
         "plant": scenario.plant.kind,
         "controller": scenario.controller.kind,
@@ -45,11 +48,22 @@ def results(metrics: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def verdict_line(metrics: dict[str, Any]) -> str:
+    """The verdict with the number and the limit that decided."""
+    return f"{VERDICTS[metrics['verdict']][0]}: {metrics['verdict_reason']}"
+
+
+def headline(metrics: dict[str, Any]) -> str:
+    """The metric of the task, under its name in metrics.json; empty where there is none."""
+    defined = (name for name in HEADLINES if metrics[name] is not None)
+    return next((f"{name} = {metrics[name]:.3g}" for name in defined), "")
+
+
 def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
     """What it was and how it ended, for the recording's text panel."""
     what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
-    status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
-    return f"**{status}** · {what}\n\n{_table('result', results(metrics))}"
+    lines = "\n\n".join(filter(None, [f"**{verdict_line(metrics)}**", headline(metrics), what]))
+    return f"{lines}\n\n{_table('result', results(metrics))}"
 
 
 def _table(title: str, rows: dict[str, str]) -> str:

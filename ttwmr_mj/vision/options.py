@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ttwmr_mj.files import input_file
-from ttwmr_mj.robot import Config, merged
+from ttwmr_mj.robot import merged
+from ttwmr_mj.sensing import SensingOptions, UpTo10
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -13,24 +14,24 @@ CALIBRATION = "make it with ttwmr calibrate, or leave the key out to calibrate b
 PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
-class CameraSensing(Config):
-    """The robot seen by the overhead camera, and by nothing else."""
+class CameraSensing(SensingOptions):
+    """The overhead camera as the only sensor."""
 
     kind: Literal["camera"]
     preset: Literal["lab", "clean"] = Field(
         default="lab",
-        description="camera values that are not given: those of the laboratory, or flawless ones",
+        description="where camera values that are not given come from: the laboratory's "
+        "camera, or a perfect one",
     )
-    latency_s: float = Field(
+    latency_s: UpTo10 = Field(
         default=0.033,
-        ge=0,
-        le=10,
-        description="from a shutter's closing to its frame's arrival, whole control periods",
+        description="time from the end of the exposure to the arrival of the frame, a whole "
+        "number of control periods; typically 0.033",
     )
     calibration_path: Annotated[str, input_file(CALIBRATION)] | None = Field(
         default=None,
-        description="file of `ttwmr calibrate`, relative to the scenario; left out: the camera "
-        "is calibrated before the run, through the same sensor model",
+        description="a file written by `ttwmr calibrate`, relative to the scenario; default: "
+        "the camera is calibrated before the run, through the same sensor model",
     )
     camera: CameraOptions = LAB_CAMERA
     tracker: TrackerOptions = TrackerOptions()

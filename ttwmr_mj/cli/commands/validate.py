@@ -1,22 +1,24 @@
-"""`ttwmr validate`: are these scenarios right?"""
+"""`ttwmr validate`: are these scenarios valid?"""
 
 import sys
 
 from ttwmr_mj.cli.engine import argument
-from ttwmr_mj.cli.shared import SCENARIO, Overrides
+from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.errors import InputError
 
 
 class Validate(Overrides, name="validate"):
-    """Check scenario files and print nothing if all is well."""
+    """Check scenario files and print nothing if they are valid."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
 
     def __call__(self) -> int:
+        from ttwmr_mj.runs.verdict import warnings
+
         errors = []
         for scenario in self.scenarios:
             try:
-                self.load(scenario)
+                warn(warnings(self.load(scenario)))
             except InputError as error:
                 if self.debug:
                     raise

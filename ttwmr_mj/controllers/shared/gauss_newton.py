@@ -39,8 +39,8 @@ def improved(
     *,
     start: FloatArray,
     disturbance: FloatArray,
-    planned: FloatArray,
     lengths: FloatArray,
+    planned: FloatArray | float = 0.0,
     cut: bool = False,
 ) -> Rollout:
     """One Gauss-Newton step from a plan; of a few lengths of the step the one that costs least.
@@ -53,8 +53,8 @@ def improved(
         beyond: (1 or batch, 7 + lasting, 7 + lasting) H.
         start: (batch, 7) where the robot is, near the plan's first state.
         disturbance: (batch, width) which lasts.
-        planned: (1 or batch, width) disturbance of the reference.
         lengths: (m,) of the step.
+        planned: (1 or batch, width) disturbance of the reference.
         cut: commands are cut to the servos' limits.
     """
     n, batch = command.shape[:2]
@@ -109,19 +109,21 @@ def _rollouts(
 
 
 def fit(
-    problem: TrackingProblem, target: Target, disturbance: FloatArray, passes: int = 0
+    problem: TrackingProblem, target: Target, disturbance: FloatArray | None = None, passes: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
 
     Args:
         problem: model and stage cost.
         target: what to come close to.
-        disturbance: (batch, width) which lasts.
+        disturbance: (batch, width) which lasts; None: none.
         passes: steps; 0: until the cost of none falls by a share of FITTED, at most FITTING_PASSES.
             A batch of different simulations says how many, or they would depend on each other.
     """
     batch = target.state.shape[1]
     size = STATES + problem.lasting
+    if disturbance is None:
+        disturbance = np.zeros((batch, problem.width))
     plan = Rollout(target.state, target.command, np.full(batch, np.inf))
     for _ in range(passes or FITTING_PASSES):
         last = plan
@@ -145,8 +147,8 @@ def lqr(
     problem: TrackingProblem,
     state: FloatArray,
     command: FloatArray,
-    disturbance: FloatArray,
     decay: FloatArray,
+    disturbance: FloatArray | None = None,
 ) -> RiccatiSolution:
     """The time-varying LQR about a plan; its states are the errors and the lasting disturbances.
 
@@ -154,9 +156,11 @@ def lqr(
         problem: model and stage cost.
         state: (n + 1, batch, 7).
         command: (n, batch, 2).
-        disturbance: (batch, width) of the plan.
         decay: (lasting,) factor by which disturbances fall in a period.
+        disturbance: (batch, width) of the plan; None: none.
     """
+    if disturbance is None:
+        disturbance = np.zeros(problem.width)
     linear = problem.linearise(state[:-1], command, disturbance)
     n, batch = linear.A.shape[:2]
     size = STATES + problem.lasting

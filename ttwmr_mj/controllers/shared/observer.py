@@ -1,4 +1,4 @@
-"""Where the robot is now: the measurement, however old and noisy, and the commands since.
+"""Where the robot is now: from the measurement, however old and noisy, and the commands since.
 
 The sampled hybrid model predicts, the measurement corrects what was predicted *for its own time*,
 and the commands issued since are replayed. Beside the robot's state the observer learns what the
@@ -46,29 +46,46 @@ PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not 
 
 
 class ObserverOptions(Config):
-    """What the observer believes of its measurements and of the model's gaps.
+    """What the observer assumes about its measurements and the model's errors.
 
     Standard deviations per sample, and of random walks per square root of a second. The defaults
     are those of an overhead camera; they cost little where the measurement is better than that.
     """
 
-    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="noise of x and y")
-    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="noise of θ1 and θ2")
-    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="noise of ẋ and ẏ")
-    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="noise of θ̇1 and θ̇2")
+    position_std_m: float = Field(
+        default=2e-4, gt=0, le=1, description="measurement noise of x and y; typically 2e-4"
+    )
+    angle_std_rad: float = Field(
+        default=1e-3, gt=0, le=1, description="measurement noise of θ1 and θ2; typically 1e-3"
+    )
+    velocity_std_m_s: float = Field(
+        default=0.01, gt=0, le=10, description="measurement noise of ẋ and ẏ; typically 0.01"
+    )
+    rate_std_rad_s: float = Field(
+        default=0.05, gt=0, le=100, description="measurement noise of θ̇1 and θ̇2; typically 0.05"
+    )
     creep_walk_m_s: float = Field(
-        default=2e-3, gt=0, le=10, description="how fast the tyres' slip may change, per √s"
+        default=2e-3,
+        gt=0,
+        le=10,
+        description="random walk of the tyres' slip, per √s; typically 2e-3",
     )
     turn_creep_walk_rad_s: float = Field(
-        default=5e-3, gt=0, le=10, description="the same for the heading's slip, per √s"
+        default=5e-3,
+        gt=0,
+        le=10,
+        description="random walk of the heading's slip, per √s; typically 5e-3",
     )
     swing_walk_rad_s2: float = Field(
-        default=0.05, gt=0, le=100, description="how fast an unexplained θ̈2 may change, per √s"
+        default=0.05,
+        gt=0,
+        le=100,
+        description="random walk of the unexplained θ̈2, per √s; typically 0.05",
     )
 
 
 class Observed(NamedTuple):
-    """What the observer believes at a sample."""
+    """The observer's estimate at a sample."""
 
     body: FloatArray  # (nsim, 5) x, y, θ1, θ2, θ̇2
     wheels: FloatArray  # (nsim, 2) the servos' setpoints (right, left) [rad/s]
@@ -92,7 +109,10 @@ class Observer:
         model: SampledModel,
         options: ObserverOptions,
         learner: Learner | None = None,
+        ahead: int = 0,
     ) -> None:
+        """Set up; what is told is the state so many periods ahead, when the next command acts."""
+        self._ahead = ahead
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
@@ -105,7 +125,10 @@ class Observer:
         past = self._past
         if not past:
             past.append(self._first(estimate.state))
-        delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64)
+            for _ in range(self._ahead):  # until the first command, servos hold their speed
+                self.commanded(past[0].wheels)
+        # what is measured now precedes the state that the next command acts on
+        delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64) + self._ahead
         usable = estimate.valid & (delay < len(past))
         if usable.any():
             for back in range(int(delay[usable].max()), -1, -1):

@@ -43,10 +43,10 @@ class SteeringLaw(Law[OptionsT]):
     """A law on the observer's state."""
 
     def start(self, task: Task) -> None:
-        """Set up the hitch that is believed in, the sampled model and the observer."""
+        """Set up the assumed hitch, the sampled model and the observer."""
         self._nsim, self._period = task.nsim, task.sampling_time_s
         options, T = self._options, self._period
-        self._friction = HitchFriction(task.robot, task.ground, options.friction)
+        self._friction = HitchFriction(task.robot, options.friction, task.ground)
         self._robot = self._friction.believed
         self._model = SampledModel(self._robot, T, ground=task.ground)
         inertia = self._robot.swing_inertia_kg_m2
@@ -57,7 +57,7 @@ class SteeringLaw(Law[OptionsT]):
             angle = options.observer.angle_std_rad, options.observer.rate_std_rad_s
             process = process_std(options.observer, T)
             learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
-        self._observer = Observer(self._robot, self._model, options.observer, learner)
+        self._observer = Observer(self._robot, self._model, options.observer, learner, task.ahead)
 
     def _signals(self, now: Observed) -> dict[str, FloatArray]:
         """What was learned, and how sure that is, for the log."""
@@ -73,7 +73,7 @@ class SteeringLaw(Law[OptionsT]):
         }
 
     def _possible(self, wish: FloatArray, now: Observed) -> Command:
-        """The command closest to a wish (nsim, 2) [rad/s]; the observer takes note of it.
+        """The command closest to the desired one (nsim, 2) [rad/s]; the observer takes note of it.
 
         A wish at a limit counts as saturated: who optimises within the limits asks for no more.
         """

@@ -34,14 +34,22 @@ STEP = 1e-5  # of the central differences: error of order 1e-10
 
 
 class TrackingWeights(Config):
-    """Scales of the tracking errors: one scale of one costs as much as one scale of another."""
+    """Scales of the tracking errors: an error of one scale costs 1, whichever error it is."""
 
     position_scale_m: float = Field(
-        default=0.01, gt=0, le=10, description="of the trailer's centre of oscillation"
+        default=0.01,
+        gt=0,
+        le=10,
+        description="error of the trailer's centre of oscillation that costs 1; typically 0.01",
     )
-    angle_scale_rad: float = Field(default=0.2, gt=0, le=100, description="of θ1 and θ2")
+    angle_scale_rad: float = Field(
+        default=0.2, gt=0, le=100, description="error of θ1 or θ2 that costs 1; typically 0.2"
+    )
     change_scale_rad_s: float = Field(
-        default=0.5, gt=0, le=1e3, description="of a wheel command's change in a period"
+        default=0.5,
+        gt=0,
+        le=1e3,
+        description="change of a wheel command in one period that costs 1; typically 0.5",
     )
 
 
@@ -113,7 +121,7 @@ class TrackingProblem:
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
-        """(..., 7) states one period later, under a disturbance (..., width) that stays."""
+        """(..., 7) states one period later, under a constant disturbance (..., width)."""
         slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
             state[..., :BODY],
@@ -126,7 +134,7 @@ class TrackingProblem:
         return np.concatenate([body, wheels], axis=-1)
 
     def within_limits(self, state: FloatArray, wish: FloatArray) -> FloatArray:
-        """(..., 2) a wish, cut to what the servos reach from a state (..., 7) in one period."""
+        """(..., 2) desired speeds, clipped to what the servos reach from a state in one period."""
         return self._model.within_limits(state[..., BODY:], wish)
 
     def residual(

@@ -1,7 +1,7 @@
-"""Feasible ways back onto a reference of the trailer's centre of oscillation F.
+"""Feasible recovery paths onto a reference of the trailer's centre of oscillation F.
 
-Far from the reference the flatness-based law asks for more than the servos give, and what it then
-does is nobody's plan. A way back asks for no more than they give: F_ref + p with
+Far from the reference the flatness-based law demands more than the servos can do, and nothing
+plans what the robot then does. A recovery path, here a way back, needs no more: F_ref + p with
 
     p(τ) = Σ_j e⁽ʲ⁾·Dʲ·h_j(τ/D),   h_j(s) = sʲ/j!·(1 − s)⁴·Σ_{i ≤ 3−j} C(3+i, i)·sⁱ,
 
@@ -10,11 +10,11 @@ Whoever follows it starts without error. F and F' are where the robot is; F'' mu
 trailer and F''' turn with it, F'' = a·t, F''' = a'·t + a·θ̇2·n, which leaves a and a' free: they are
 accelerations of P, and the wheels can change those within a period. So ways differ in D, a and a'.
 Flatness gives the whole motion along each at once; speeds and accelerations of the wheels and the
-size of a are compared with their limits. A way costs its duration, what it takes beyond the limits
-and how far it leads away; the cheapest is driven, until the law is cut again.
+size of a are compared with their limits. The cost of a way counts its duration, by how much it
+exceeds the limits and how far it leads away; the cheapest is followed until the next saturation.
 
-A start is recovered from, then, if one of the ways keeps the limits with room for the feedback, and
-the law that follows it stays within its own region. Where none does there is no promise.
+The law thus recovers from a start if one of the ways stays within the limits with a margin for the
+feedback, and the law that follows it stays within its own region. Otherwise there is no guarantee.
 """
 
 from math import comb, factorial

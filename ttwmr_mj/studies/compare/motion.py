@@ -85,7 +85,7 @@ def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:
     rows = replay(scenario, commands, plant)
     if plant.failed().any():
         raise RunError(
-            f"{scenario.name}: contact physics broke while replaying commands: {plant.fault(0)}"
+            f"{scenario.name}: contact physics failed while replaying commands: {plant.fault(0)}"
         )
     return rows
 

@@ -1,6 +1,6 @@
-"""The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
+"""The two runs of a comparison, and scenarios that do not mean the same on both plants."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -9,11 +9,15 @@ import numpy as np
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import Verdict
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
 from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.variants import on_plant
 
 Mode = Literal["open_loop", "closed_loop"]
 
@@ -32,6 +36,20 @@ class Pair:
         """All numbers a tolerance may be given for."""
         return {**self.deviation.numbers(), **self.residuals.numbers()}
 
+    @property
+    def verdicts(self) -> dict[str, Verdict]:
+        """Plant → whether its run did the scenario's job."""
+        scenario, reference = self.contact.scenario, sample_reference(self.contact.scenario)
+        runs: dict[Literal["contact", "analytic"], Trajectory] = {
+            "contact": self.contact.trajectory,
+            # a replay of commands knows no reference
+            "analytic": replace(self.analytic, ref_q=self.contact.trajectory.ref_q),
+        }
+        return {
+            kind: verdict_on(scenario, rows, demands_of(on_plant(scenario, kind), reference))
+            for kind, rows in runs.items()
+        }
+
 
 def run_pair(
     scenario: Scenario,
@@ -46,12 +64,12 @@ def run_pair(
         scenario: what to run; its plant.kind does not matter.
         mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
             each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
+        real_wheels: in open loop, drive the analytic model with the actual wheel speeds.
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
-        InputError: the plants cannot mean the same thing.
-        RunError: a run broke.
+        InputError: the scenario does not mean the same on both plants.
+        RunError: a run failed.
     """
     refuse_unlike(scenario)
     contact = motion.run_contact(scenario, scenario_folder)
@@ -73,10 +91,10 @@ def known_numbers() -> list[str]:
 
 
 def refuse_unlike(scenario: Scenario) -> None:
-    """Check that both plants mean the same thing by this scenario.
+    """Check that this scenario means the same on both plants.
 
     Raises:
-        InputError: they do not; every key is named.
+        InputError: it does not; every key is named.
     """
     plant, hitch = scenario.plant, scenario.robot.hitch
     faults = []
@@ -85,7 +103,7 @@ def refuse_unlike(scenario: Scenario) -> None:
         faults.append(Fault(key=("plant", *key), got=got, problem=problem, hint=hint))
 
     if plant.pushes:
-        problem = "the analytic plant's tractor moves as told and cannot be pushed"
+        problem = "the analytic plant's tractor follows its commands exactly and cannot be pushed"
         refuse("pushes", got=str(len(plant.pushes)), problem=problem, hint="leave the pushes out")
     if scene := plant.contact.model_path:
         problem = "the analytic plant knows only a flat floor and the robot of this scenario"
