@@ -139,7 +139,7 @@ def test_the_friction_sweep_in_numbers() -> None:
     assert values["enough_mn_m"] == pytest.approx(0.35)
     assert values["start_too_little_mn_m"] == pytest.approx(0.45)
     assert values["start_enough_mn_m"] == pytest.approx(0.5)
-    assert values["camera_too_little_mn_m"] == pytest.approx(1.5)
+    assert values["camera_too_little_mn_m"] == pytest.approx(1.0)
     assert values["camera_enough_mn_m"] == math.inf
     assert values["runs_that_stand"] == 5  # of 7 dry ones
     assert values["runs_that_balance"] == 3
