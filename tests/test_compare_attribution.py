@@ -57,6 +57,8 @@ def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     shares = {row.name: row.share for row in result.tables["position"]}
     assert shares["servo"] == pytest.approx(1.0, abs=0.1)
     assert shares["rest"] == pytest.approx(0.0, abs=0.1)
+    own = shares["contact_compliance"], shares["timestep"]
+    assert result.as_json()["solver_share"]["position"] == pytest.approx(sum(own))
 
 
 def test_what_cannot_be_switched_off_whole_is_extrapolated(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,10 +16,8 @@ from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.attribution import attribute
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
-from ttwmr_mj.studies.compare.fit.fit import fit, standard_deviation
 from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, MAX_STEP_S, SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
-from ttwmr_mj.studies.compare.variants import changed
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 
@@ -44,23 +41,6 @@ def test_studies_tell_how_far_they_are() -> None:
         assert 0.0 < told[0] < 0.6  # the longest run goes first, and is no more than half of it
         assert told[-1] == 1.0
         assert told[0] == pytest.approx(max(np.diff([0.0, *told])))
-
-
-def test_standard_deviations_are_those_of_linear_least_squares() -> None:
-    jacobian = np.random.default_rng(0).normal(size=(40, 3))
-    residual = np.tile([1.0, 2.0, -1.0, 0.5, -1.0, -2.0, 1.0, -0.5], 5)  # alternating: no memory
-    covariance = np.linalg.inv(jacobian.T @ jacobian) * (residual @ residual) / (40 - 3)
-    expected = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(standard_deviation(residual, jacobian), expected, rtol=1e-12)
-    # neighbours that are correlated by ρ count as (1 − ρ)/(1 + ρ) of their number
-    rows = residual.reshape(10, 4)
-    slow = np.repeat(rows, 4, axis=0)
-    wide = np.repeat(jacobian.reshape(10, 4, 3), 4, axis=0).reshape(160, 3)
-    correlation = (slow[1:] * slow[:-1]).sum() / (slow**2).sum()
-    freedom = 160 * (1 - correlation) / (1 + correlation) - 3
-    covariance = np.linalg.inv(wide.T @ wide) * (slow**2).sum() / freedom
-    expected = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(standard_deviation(slow.ravel(), wide), expected, rtol=1e-12)
 
 
 def test_contact_physics_converges_to_the_ideal_with_order_one() -> None:
@@ -189,41 +169,6 @@ def test_extended_plant_refuses_pushes() -> None:
     plant.push({})
     with pytest.raises(InputError, match=r"plant\.pushes"):
         plant.push({"tractor": np.ones(2)})
-
-
-@pytest.mark.slow
-def test_the_fit_finds_what_it_was_not_told_and_predicts_an_unseen_run() -> None:
-    believed = open_loop(*TURN, hitch={"damping_n_m_s_rad": 1e-3})
-    truth = {
-        "robot.hitch.damping_n_m_s_rad": 2e-3,
-        "robot.hitch.coulomb_friction_n_m": 5e-5,
-        "robot.servo.velocity_gain_n_m_s_rad": 1.0,
-        "robot.tractor.wheel_radius_m": 0.0261,
-        "robot.tractor.track_width_m": 0.118,
-    }
-    unseen = open_loop((1.0, 4.0, 5.0), (1.5, 5.5, 4.0), hitch={"damping_n_m_s_rad": 1e-3})
-    runs = [
-        replace(run_contact(changed(scenario, truth)), scenario=scenario)
-        for scenario in (believed, unseen)
-    ]
-    found = fit(*runs)
-    estimates = found.parameters
-    assert set(estimates) == set(SCALES)
-    assert estimates["wheel_radius_m"].value == pytest.approx(0.0261, rel=1e-4)
-    assert estimates["track_width_m"].value == pytest.approx(0.118, rel=1e-3)
-    # (wheel + gears)/gain = 2.1e-4 kg·m²/1 N·m·s
-    assert estimates["servo_time_constant_s"].value == pytest.approx(2.1e-4, rel=0.1)
-    assert estimates["hitch_damping_n_m_s_rad"].value == pytest.approx(2e-3, rel=0.05)
-    assert estimates["hitch_coulomb_friction_n_m"].value == pytest.approx(5e-5, rel=0.1)
-    assert min(found.validation.factor.values()) > 5.0
-    for name, estimate in estimates.items():
-        low, high = estimate.confidence_95
-        assert low <= estimate.value <= high, name
-    assert estimates["wheel_radius_m"].identified
-    low, high = estimates["wheel_radius_m"].confidence_95
-    assert high - estimates["wheel_radius_m"].value == pytest.approx(
-        estimates["wheel_radius_m"].value - low
-    )
 
 
 def test_the_fitted_model_predicts_the_lab_robot() -> None:

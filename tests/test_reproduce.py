@@ -166,10 +166,12 @@ def test_the_verdicts_of_the_whole_reproduction(whole: tuple[Path, dict[str, Jud
         assert verdicts[name] == "holds with changes", name
     for name in ("theorem-3", "law-70", "rho-is-constant", "figs-7-8", "finite-time"):
         assert verdicts[name] == "fails", name
-    for name in ("fig-4", "fig-6", "poles"):
-        assert verdicts[name] == "holds", name
-    for name in ("figs-11-16", "robust", "experiment-agrees"):
+    for name in ("fig-4", "fig-6", "higher-position-gains", "robust", "experiment-agrees"):
         assert verdicts[name] == "holds with changes", name
+    for name in ("virtual-spring", "higher-velocity-gains", "higher-pid-gains"):
+        assert verdicts[name] == "fails", name
+    assert verdicts["poles"] == "holds"
+    assert verdicts["figs-11-16"] == "undecided"  # a hitch without friction lets the trailer go
 
 
 @pytest.mark.slow

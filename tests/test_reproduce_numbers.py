@@ -11,7 +11,7 @@ import pytest
 from told_evidence import Told, continuous, judged
 
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.studies.reproduce.claims.friction import SWEEP, VISCOUS
+from ttwmr_mj.studies.reproduce.claims.friction import BY_CAMERA, FROM_START, SWEEP, VISCOUS
 from ttwmr_mj.studies.reproduce.claims.measures import Number
 from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
@@ -127,12 +127,20 @@ def test_the_friction_sweep_in_numbers() -> None:
     angles |= {"friction-1000-unm": np.r_[:6.0, 0.0, 0.1]}  # could hold it, but it swings yet
     angles |= {"friction-300-unm": np.full(8, 0.3), "friction-200-unm": np.full(8, 0.3)}
     off = ("friction-0-unm", "friction-300-unm", "friction-200-unm", VISCOUS)
-    evidence = Told(values={run: 0.1 if run in off else 0.020 for run in SWEEP})
+    stuck = {run: 0.1 for run in FROM_START if int(run.split("-")[2]) < 500}
+    errors = {run: 0.1 if run in off else 0.020 for run in (*SWEEP, *FROM_START)} | stuck
+    errors |= {"friction-start-310-unm": 0.020}  # by luck: more does not do it
+    evidence = Told(values=errors | dict.fromkeys(BY_CAMERA, 0.1))
     evidence.hitch_angle = angles.__getitem__
     load_n_m = 0.33 * 0.141 * 0.43 * 0.125**2
     values = FIGURES["friction"].numbers.values(evidence)
     assert values["largest_load_mn_m"] == pytest.approx(1e3 * load_n_m)
-    assert values["least_friction_that_carries_mn_m"] == pytest.approx(0.03)
-    assert values["runs_that_stand"] == 8  # of 10 dry ones
-    assert values["runs_that_balance"] == 4
+    assert values["too_little_mn_m"] == pytest.approx(0.3)
+    assert values["enough_mn_m"] == pytest.approx(0.35)
+    assert values["start_too_little_mn_m"] == pytest.approx(0.45)
+    assert values["start_enough_mn_m"] == pytest.approx(0.5)
+    assert values["camera_too_little_mn_m"] == pytest.approx(1.0)
+    assert values["camera_enough_mn_m"] == math.inf
+    assert values["runs_that_stand"] == 5  # of 7 dry ones
+    assert values["runs_that_balance"] == 3
     assert values["viscous_hitch_angle_rad"] == 1.5

@@ -12,8 +12,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.studies.reproduce.claims import claims as claims_module
-from ttwmr_mj.studies.reproduce.claims import computed, measures
+from ttwmr_mj.studies.reproduce.claims import computed
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS
 from ttwmr_mj.studies.reproduce.claims.computed import COMPUTED
 from ttwmr_mj.studies.reproduce.claims.friction import STANDS_RAD, balances
@@ -34,10 +33,11 @@ def test_every_run_is_a_valid_scenario_of_its_name() -> None:
 
 def test_what_is_shown_and_judged_uses_every_run_study_and_computation() -> None:
     """Reading the data files has refused names that do not exist; here none is left over."""
-    parts = (*FIGURES.values(), *CLAIMS.values())
-    assert {run for part in parts for run in part.numbers.runs} == set(RUNS)
-    assert {study for part in parts for study in part.numbers.studies} == set(STUDIES)
-    assert {part.numbers.computed for part in parts} == {None, *COMPUTED.values()}
+    judged = [numbers for claim in CLAIMS.values() for numbers in claim.cases.values()]
+    parts = [*judged, *(figure.numbers for figure in FIGURES.values())]
+    assert {run for part in parts for run in part.runs} == set(RUNS)
+    assert {study for part in parts for study in part.studies} == set(STUDIES)
+    assert {part.computed for part in parts} == {None, *COMPUTED.values()}
     assert {figure.kind for figure in FIGURES.values()} == set(DRAWERS)
     article = {f"fig{n}" for n in (*range(3, 9), *range(11, 20))}
     assert article <= set(FIGURES)
@@ -50,9 +50,9 @@ def test_what_is_shown_and_judged_uses_every_run_study_and_computation() -> None
 
 
 def test_every_limit_is_some_rules() -> None:
-    claims = (Path(claims_module.__file__).parent / "claims.toml").read_text("utf-8")
-    named = claims + inspect.getsource(computed) + inspect.getsource(measures)
-    assert [name for name in LIMITS if name not in named] == []
+    named = {part.limit for claim in CLAIMS.values() for part in claim.decides.comparisons}
+    named |= set(re.findall(r'LIMITS\["(\w+)"\]', inspect.getsource(computed)))
+    assert named - {"0"} == set(LIMITS)
 
 
 def test_runs_are_found_by_pattern_in_order_and_once() -> None:
@@ -65,15 +65,17 @@ def test_runs_are_found_by_pattern_in_order_and_once() -> None:
 def test_the_experiment_is_run_with_a_camera() -> None:
     experiment = {f"fig{n}" for n in range(11, 20)}
     runs = {run for name in experiment for run in FIGURES[name].numbers.runs}
-    runs |= {
-        run for name in ("figs-11-16", "fig-19", "robust") for run in CLAIMS[name].numbers.runs
-    }
     assert runs == {"lab-pid", "lab-pid-without", "eight-pid", "eight-pid-without"}
-    for run in runs:
-        scenario = RUNS[run].scenario()
-        assert (scenario.sensing.kind, scenario.plant.kind) == ("camera", "contact")
-        assert scenario.robot.hitch.coulomb_friction_n_m == 1e-3
-        assert scenario.robot.hitch.damping_n_m_s_rad == 0.0
+    frictions = {}
+    for name in ("figs-11-16", "fig-19", "low-effort"):
+        for assumed, numbers in CLAIMS[name].cases.items():
+            friction = frictions.setdefault(assumed, set())
+            for run in numbers.runs:
+                scenario = RUNS[run].scenario()
+                assert (scenario.sensing.kind, scenario.plant.kind) == ("camera", "contact")
+                assert scenario.robot.hitch.damping_n_m_s_rad == 0.0
+                friction.add(scenario.robot.hitch.coulomb_friction_n_m)
+    assert frictions == {"1 mN·m": {1e-3}, "none": {0.0}, "0.5 mN·m": {5e-4}, "1.5 mN·m": {1.5e-3}}
 
 
 def test_runs_are_what_their_names_say() -> None:
@@ -86,17 +88,41 @@ def test_runs_are_what_their_names_say() -> None:
     limited = scenario("choice-regularized-limit-10-outward")
     assert (limited.controller.gamma, limited.controller.gamma_limit) == ("regularized", 10.0)
     assert (limited.reference.theta2, limited.plant.kind) == ("outward", "analytic")
-    table, half, double = (
-        [getattr(scenario(run).controller, f"alpha{i}") for i in (1, 2, 3, 4)]
-        for run in ("pid-without-analytic", "gains-half", "gains-double")
-    )
-    assert [half, double] == [[0.5 * alpha for alpha in table], [2.0 * alpha for alpha in table]]
     for run in RUNS:
-        if found := re.fullmatch(r"friction-(\d+)-unm", run):
+        if found := re.fullmatch(r"(?:friction-start|friction|.*-without)-(\d+)-unm", run):
             torque = scenario(run).robot.hitch.coulomb_friction_n_m
             assert torque == pytest.approx(1e-6 * float(found[1]), rel=1e-12)  # the same decimals
     assert not RUNS["friction-viscous"].recording
     assert RUNS["lab-pid"].recording
+
+
+TOGETHER = {"alpha1": ("alpha1", "alpha3"), "alpha2": ("alpha2", "alpha4")}
+ALPHAS = ("alpha1", "alpha2", "alpha3", "alpha4")
+
+
+def test_one_gain_is_halved_or_doubled_at_a_time() -> None:
+    for run in RUNS:
+        if not (found := re.fullmatch(r"gains(70)?-(?:(\w+)-)?(half|double)", run)):
+            continue
+        law70, gain, scale = found.groups()
+        base = "pid-constant-aligned-analytic" if law70 else "pid-without-analytic"
+        told, table = (RUNS[name].scenario().model_dump() for name in (run, base))
+        factor = 0.5 if scale == "half" else 2.0
+        for name in TOGETHER.get(gain, (gain,)) if gain else ALPHAS:
+            table["controller"][name] *= factor
+        del told["name"], table["name"], told["output"], table["output"]
+        assert told == table, run
+
+
+def test_the_law_is_not_told_of_the_world_it_is_put_into() -> None:
+    kind = RUNS["lab-pid-without"].scenario().robot
+    for run in matching(["robust-*"], RUNS):
+        scenario = RUNS[run].scenario()
+        assert scenario.robot != kind
+        believed = scenario.believed_robot
+        assert believed.tractor == kind.tractor
+        assert believed.trailer == kind.trailer
+        assert believed.servo == kind.servo
 
 
 def test_the_hitch_angle_is_the_trailers_against_the_tractors(tmp_path: Path) -> None:

@@ -126,6 +126,39 @@ def test_a_study_of_steps_tells_the_distance_at_the_start_and_the_end(
     assert run["final_error_m"] == pytest.approx(loop.distances(exact)[-1], rel=0.02)
 
 
+@pytest.mark.parametrize("gamma", ["constant", "regularized"])
+def test_what_gamma_can_do_to_the_trailer_goes_through_the_velocity_error(gamma: str) -> None:
+    """η = k·θ̇2 − n·w has the rate n·a + θ̇2·(t·w), and ∫(α·w)² dt is what V has lost."""
+    loop = IdealLoop(LyapunovPidOptions(kind="lyapunov_pid", gamma=gamma), 1.0, 0.5)
+    path = solve(loop, loop.at_rest(0.6, -0.3), 2.0, samples=20001)
+    e = np.array([loop.errors(t, tuple(z)) for t, z in zip(path.time_s, path.z, strict=True)])
+    theta2, theta2_rate, w = path.z[:, 4], path.z[:, 5], e[:, 1::2]
+    along = np.stack([np.cos(theta2), np.sin(theta2)], axis=1)
+    across = np.stack([-np.sin(theta2), np.cos(theta2)], axis=1)
+    angle = 0.5 * path.time_s
+    a = -0.25 * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    rate = (across * a).sum(axis=1) + theta2_rate * (along * w).sum(axis=1)
+    eta = loop.swing_length_m * theta2_rate - (across * w).sum(axis=1)
+    # trapezoidal rule over 0.1 ms, of motions of some 100 rad/s
+    assert eta[-1] - eta[0] == pytest.approx(np.trapezoid(rate, path.time_s), abs=1e-4)
+    v = [loop.lyapunov(path.time_s[i], tuple(path.z[i])) for i in (0, -1)]
+    spent = np.trapezoid(100.0 * (w**2).sum(axis=1), path.time_s)
+    assert v[0] - v[1] == pytest.approx(spent, rel=1e-4)
+    assert np.ptp(theta2_rate) > 1.0  # it did something
+
+
+@pytest.mark.parametrize("gamma", ["constant", "regularized"])
+def test_a_tractor_without_error_tows_a_free_trailer_whatever_gamma_is(gamma: str) -> None:
+    pid = LyapunovPidOptions(kind="lyapunov_pid", gamma=gamma)
+    start = (1.0, 0.0, 0.0, 0.5, 2.0, -0.3, 0.0)  # on the circle, the trailer 0.4 rad off
+    free, towed = (
+        solve(IdealLoop(law, 1.0, 0.5), start, 3.0).z[-1]
+        for law in (LyapunovOptions(kind="lyapunov"), pid)
+    )
+    assert towed[:6] == pytest.approx(free[:6], abs=1e-6)  # of the solver
+    assert abs(free[4] - start[4] - 1.5) > 0.1  # it is not aligned, and moves
+
+
 def test_exact_gamma_ends_within_a_fraction_of_a_second() -> None:
     loop = IdealLoop(LyapunovPidOptions(kind="lyapunov_pid", gamma="exact"), 1.0, 0.5)
     path = solve(loop, loop.at_rest(0.6, -0.3), 5.0, until=lambda t, z: loop.command(t, z).d)

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import math
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from told_evidence import Told, continuous, judged
 
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.studies.reproduce.claims import computed
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 
 PUBLISHED, OMITTED, SPRUNG_PUBLISHED, SPRUNG_OMITTED = (
@@ -33,7 +33,7 @@ def verdicts(name: str, key: str, *cases: dict[str, Any]) -> list[str]:
 @pytest.mark.parametrize("name", ["theorem-3", "law-70"])
 def test_stability_rules_turn_with_the_evidence(name: str) -> None:
     claim = CLAIMS[name]
-    good = dict.fromkeys(claim.numbers.runs, 0.001)
+    good = dict.fromkeys(claim.runs, 0.001)
 
     def verdict(end: str, v_left: float, values: dict[str, float]) -> str:
         return claim.judgement(Told(continuous(end, v_left), values)).verdict
@@ -46,30 +46,48 @@ def test_stability_rules_turn_with_the_evidence(name: str) -> None:
     assert judged(name, continuous("time", 0.0, -0.05)).verdict == "holds"
     assert judged(name, continuous("time", 0.0, -0.05 * MORE)).verdict == "fails"
     assert judged(name, continuous("early", 0.0)).verdict == "fails"
-    (run, *_) = claim.numbers.runs
+    (run, *_) = claim.runs
     assert judged(name, continuous("early", 0.0), {run: 0.01}).verdict == "holds with changes"
-    trailer_off = {run: 0.01, f"{run} steady_trailer_rmse_m": 0.01 * MORE}
+    trailer_off = {run: 0.01, f"{run} steady_trailer_rmse_m": 0.02}
+    assert judged(name, continuous("early", 0.0), trailer_off).verdict == "holds with changes"
+    trailer_off[f"{run} steady_trailer_rmse_m"] *= MORE
     assert judged(name, continuous("early", 0.0), trailer_off).verdict == "fails"
 
 
 @pytest.mark.parametrize("name", ["figs-11-16", "fig-19", "robust"])
 def test_in_the_experiment_tractor_and_trailer_follow(name: str) -> None:
-    published, changed = CLAIMS[name].numbers.runs
-    good = {published: 0.010, f"{published} steady_trailer_rmse_m": 0.020}
-    repaired = {changed: 0.010, f"{changed} steady_trailer_rmse_m": 0.020}
+    claim = CLAIMS[name]
+    published = [run for run in claim.runs if "without" not in run]
+    changed = [run for run in claim.runs if "without" in run]
+
+    def at(runs: list[str], tractor: float, trailer: float) -> dict[str, float]:
+        return {
+            key: size
+            for run in runs
+            for key, size in ((run, tractor), (f"{run} steady_trailer_rmse_m", trailer))
+        }
+
+    good, repaired = at(published, 0.010, 0.020), at(changed, 0.010, 0.020)
     assert verdicts(
         name,
         "values",
         good,
-        {**good, published: 0.010 * MORE},
-        {**good, f"{published} steady_trailer_rmse_m": 0.020 * MORE},
+        at(published, 0.010 * MORE, 0.020),
+        at(published, 0.010, 0.020 * MORE),
         repaired,
-        {**repaired, changed: 0.010 * MORE},
-        {**repaired, f"{changed} steady_trailer_rmse_m": 0.020 * MORE},
-    ) == ["holds", "fails", "fails", "holds with changes", "fails", "fails"]
-    found = judged(name, values={**good, **repaired}, swings={changed: 0.6})
-    assert list(found.numbers.values()) == [0.010, 0.020, 0.010, 0.020, 0.3]
-    assert "leaves tractor and trailer 10 mm and 20 mm off" in found.finding
+        at(changed, 0.010 * MORE, 0.020),
+        at(changed, 0.010, 0.020 * MORE),
+        {**repaired, changed[-1]: 0.010 * MORE},  # under one friction, or in one world
+    ) == [
+        "holds",
+        *["fails"] * 2,
+        "holds with changes",
+        *["fails"] * 2,
+        "fails" if name == "robust" else "undecided",
+    ]
+    found = judged(name, values={**good, **repaired}, swings={changed[0]: 0.6})
+    assert list(found.numbers.values())[:4] == [0.010, 0.020, 0.010, 0.020]
+    assert "10 mm and 20 mm" in found.finding
 
 
 def test_a_run_that_could_not_be_done_is_missing_evidence_and_says_why() -> None:
@@ -109,22 +127,28 @@ def test_the_tractor_follows_within_10_mm_on_both_plants(
 
 def test_the_hitch_swings_or_is_still() -> None:
     printed = dict.fromkeys(PUBLISHED, 0.2)
-    assert verdicts(
-        "fig-4",
-        "swings",
+
+    def with_tractor_at(error: float, name: str, *swings: dict[str, float]) -> list[str]:
+        values = dict.fromkeys(CLAIMS[name].runs, error)
+        return [judged(name, values=values, swings=case).verdict for case in swings]
+
+    swinging = (
         {**printed, **dict.fromkeys(OMITTED, 0.1)},
         {**dict.fromkeys(PUBLISHED, 0.1), **dict.fromkeys(OMITTED, 0.2)},
         {**printed, PUBLISHED[0]: 0.2 / MORE, **dict.fromkeys(OMITTED, 0.1)},
-    ) == ["holds", "holds with changes", "fails"]
+    )
+    each_way = ["holds", "holds with changes", "fails"]
+    assert with_tractor_at(0.010, "fig-4", *swinging) == each_way
+    assert with_tractor_at(0.010 * MORE, "fig-4", *swinging) == ["fails"] * 3
     still = dict.fromkeys((*SPRUNG_OMITTED, "spring-divided-contact"), 0.02)
     loose = dict.fromkeys(SPRUNG_PUBLISHED, 0.02 * MORE)
-    assert verdicts(
-        "fig-6",
-        "swings",
+    moving = (
         {**loose, **still, **dict.fromkeys(SPRUNG_PUBLISHED, 0.02)},
         {**loose, **still},
         {**loose, **still, "spring-divided-contact": 0.02 * MORE},
-    ) == ["holds", "holds with changes", "fails"]
+    )
+    assert with_tractor_at(0.010, "fig-6", *moving) == each_way
+    assert with_tractor_at(0.010 * MORE, "fig-6", *moving) == ["fails"] * 3
 
 
 def log(*v: float) -> tuple[np.ndarray, np.ndarray]:
@@ -133,8 +157,8 @@ def log(*v: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_v_is_gone_or_never_rises() -> None:
-    def theorem_1(left: list[float], repaired: float) -> Judgement:
-        study = {"phase-plane": {"left_v_share": left, "end_time_s": [0.1, 0.4]}}
+    def theorem_1(left: list[float], repaired: float, ends_s: float = 20.0) -> Judgement:
+        study = {"phase-plane": {"left_v_share": left, "end_time_s": [ends_s, 20.0]}}
         return judged(
             "theorem-1",
             study,
@@ -142,13 +166,15 @@ def test_v_is_gone_or_never_rises() -> None:
         )
 
     assert theorem_1([0.01, 0.0], 1.0).verdict == "holds"
+    assert theorem_1([0.01, 0.0], 1.0, 20.0 / MORE).verdict == "fails"  # one solution ends
     assert theorem_1([0.01, 0.02], 0.01).verdict == "holds with changes"
     assert theorem_1([0.01, 0.02], 0.01 * MORE).verdict == "fails"
     numbers = theorem_1([0.01, 0.02, 0.6], 0.5).numbers
     assert numbers == {
         "starts": 3.0,
-        "starts_with_v_gone": 1.0,
-        "longest_time_to_e2_zero_s": 0.4,
+        "shortest_time_to_e2_zero_s": 20.0,
+        "longest_time_to_e2_zero_s": 20.0,
+        "most_v_left_share": 0.6,
         "median_v_left_share": 0.02,
         "omitted_v_left_share": 0.5,
     }
@@ -173,9 +199,9 @@ def test_v_is_gone_or_never_rises() -> None:
 
 def test_one_choice_that_works_is_enough_and_all_printed_runs_are_needed() -> None:
     claim = CLAIMS["figs-7-8"]
-    runs = claim.numbers.runs
+    runs = claim.runs
     printed = {run: 0.010 for run in runs if run.startswith("pid-") and "without" not in run}
-    (choice, *_) = (run for run in claim.numbers.runs if run.startswith("choice-"))
+    (choice, *_) = (run for run in runs if run.startswith("choice-"))
     assert len(printed) == 8
     trailer_off = {f"{choice} steady_trailer_rmse_m": 0.020 * MORE}
     tractor_off = {f"{choice} steady_tractor_rmse_m": 0.010 * MORE}
@@ -186,8 +212,8 @@ def test_one_choice_that_works_is_enough_and_all_printed_runs_are_needed() -> No
     (*others, _) = printed
     assert judged("figs-7-8", values=dict.fromkeys(others, 0.010)).verdict == "fails"
     numbers = judged("figs-7-8", values=works).numbers
-    assert (numbers["published_tried"], numbers["published_that_work"]) == (8.0, 0.0)
-    assert (numbers["choices_tried"], numbers["choices_that_work"]) == (18.0, 1.0)
+    assert numbers["published_best_beyond_limits"] is None  # of runs that did not end well
+    assert (numbers["choices_tried"], numbers["choices_best_beyond_limits"]) == (18.0, 1.0)
     assert numbers["choices_best_steady_trailer_rmse_m"] == 0.020
 
 
@@ -206,8 +232,18 @@ def test_the_virtual_spring_and_the_poles() -> None:
     assert virtual(0.02 * MORE, 0.010).verdict == "fails"
     assert virtual(0.02, 0.010 * MORE).verdict == "fails"
     assert virtual(0.02, 0.010).numbers["virtual_spring_v_left_share"] == 0.7
-    for proved, verdict in ((True, "holds"), (False, "fails")):
-        assert judged("poles", {"proofs": {"eq-65": {"proved": proved}}}).verdict == verdict
+
+
+@pytest.mark.parametrize(("k_p", "verdict"), [(48.0, "holds"), (48.001, "fails"), (-48.0, "fails")])
+def test_the_poles_are_those_of_table_2(
+    k_p: float, verdict: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table = SimpleNamespace(k_d=12.0, k_p=k_p, k_i=64.0)
+    monkeypatch.setattr(computed, "LyapunovPidOptions", lambda **_: table)
+    found = judged("poles")
+    assert found.verdict == verdict
+    if verdict == "holds":
+        assert found.numbers["pole_1_s"] == pytest.approx(-4.0)
 
 
 def test_rho_must_be_near_one_nearly_always() -> None:
@@ -219,63 +255,5 @@ def test_rho_must_be_near_one_nearly_always() -> None:
     assert rho(near, near).verdict == "holds"
     assert rho(near, not_quite).verdict == "holds with changes"
     assert rho(not_quite, not_quite).verdict == "fails"
-    assert list(rho(near, not_quite).numbers.values()) == pytest.approx([0.85, 0.9, 3.0, 0.1])
-
-
-def test_finite_time_means_decades_that_halve() -> None:
-    def decades(*times: float) -> Judgement:
-        return judged("finite-time", {"continuous": {"decade_times_s": list(times)}})
-
-    assert decades(8.0, 12.0, 14.0, 15.0).verdict == "holds with changes"
-    assert decades(8.0, 12.0, 14.0, 15.1).verdict == "fails"
-    assert list(decades(8.0, 12.0, 14.0).numbers.values()) == [8.0, 2.0, 4.0, 0.5]
-
-
-def test_higher_gains_must_be_better_each_time() -> None:
-    runs = CLAIMS["higher-gains"].numbers.runs
-    for errors, verdict in (((3, 2, 1), "holds"), ((3, 3, 1), "fails"), ((3, 2, 2), "fails")):
-        assert (
-            judged("higher-gains", values=dict(zip(runs, errors, strict=True))).verdict == verdict
-        )
-
-
-def test_effort_is_held_against_what_the_circle_needs() -> None:
-    """On the circle of radius R at rate ω the wheels turn at (R·ω ± b·ω)/r."""
-    scenario = Told().scenario("lab-pid")
-    robot = scenario.robot
-    rate, half_track = 0.125, robot.half_track_m
-    both = (0.43 * rate + rate * half_track * np.array([1.0, -1.0])) / robot.tractor.wheel_radius_m
-
-    def driven(scale: float) -> Trajectory:
-        rows = Trajectory.empty(np.arange(10.0), 1)
-        rows.wheel_command_rad_s[:] = scale * both
-        rows.wheel_command_rad_s[:5] = 99.0  # the start does not count
-        rows.saturated[:] = False
-        rows.saturated[7] = True
-        return rows
-
-    def effort(published: float, changed: float) -> Judgement:
-        runs = {"lab-pid": driven(published), "lab-pid-without": driven(changed)}
-        return judged("low-effort", trajectories=runs)
-
-    limit = math.sqrt(1.2)
-    assert effort(limit / MORE, 9.0).verdict == "holds"
-    assert effort(limit * MORE, limit / MORE).verdict == "holds with changes"
-    assert effort(2.0, 3.0).verdict == "fails"
-    assert list(effort(2.0, 3.0).numbers.values()) == pytest.approx([4.0, 0.2, 9.0])
-
-
-def test_experiment_and_model_agree_within_a_centimetre() -> None:
-    def at(x: float, y: float) -> Trajectory:
-        rows = Trajectory.empty(np.arange(4.0), 1)
-        rows.q[:] = 0.0
-        rows.q[:, 0, :2] = x, y
-        return rows
-
-    def agrees(x: float, y: float) -> Judgement:
-        runs = {"lab-pid-without": at(x + 0.25, y - 0.5), "lab-analytic": at(0.25, -0.5)}
-        return judged("experiment-agrees", trajectories=runs)
-
-    assert agrees(0.006, 0.00799).verdict == "holds with changes"
-    assert agrees(0.006, 0.00801).verdict == "fails"
-    assert agrees(3.0, 4.0).numbers["contact_minus_model_rms_m"] == pytest.approx(5.0)
+    found = list(rho(near, not_quite).numbers.values())
+    assert found == pytest.approx([0.5, 1.1, 0.85, 0.9, 3.0, 0.1])

@@ -81,7 +81,15 @@ class Attribution:
             for quantity, rows in self.tables.items()
         }
         notes = {name: note for name in self.tables if (note := self.note(name))}
-        return {"present": list(self.present), **tables, "notes": notes}
+        solver = {name: self.solver_share(name) for name in self.tables}
+        return {"present": list(self.present), **tables, "notes": notes, "solver_share": solver}
+
+    def solver_share(self, quantity: str) -> float | None:
+        """What the solver's own effects contribute, per total; None if the total is zero."""
+        own = {effect.name for effect in EFFECTS if effect.solver}
+        shares = [row.share for row in self.tables[quantity] if row.name in own]
+        known = [share for share in shares if share is not None]
+        return sum(known) if len(known) == len(shares) else None
 
     def note(self, quantity: str) -> str | None:
         """Why the remainder is more than a tenth of the total; None if it is not."""

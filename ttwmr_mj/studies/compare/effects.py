@@ -30,6 +30,8 @@ class Effect:
             than the step allows, so a coarse step needs soft contacts.
         size: key of a number that the effect is proportional to and that cannot be zero; None
             where off means off.
+        solver: whether it is how MuJoCo computes, and not how the robot is built: no real robot
+            has it.
     """
 
     name: str
@@ -37,6 +39,7 @@ class Effect:
     off: Callable[[Scenario], Values]
     needs: tuple[str, ...] = ()
     size: str | None = None
+    solver: bool = False
 
     def present(self, scenario: Scenario) -> bool:
         """Whether the scenario has it at all."""
@@ -69,6 +72,7 @@ EFFECTS = (
             )
         },
         size=TIME_CONSTANT,
+        solver=True,
     ),
     Effect(
         "wheel_width", "wheel width (scrub)", lambda _: {"robot.tractor.wheel_shape": "ellipsoid"}
@@ -98,6 +102,7 @@ EFFECTS = (
         lambda s: {STEP: _value(s, STEP) / IDEAL_STEPS},
         needs=("contact_compliance",),
         size=STEP,
+        solver=True,
     ),
 )
 

@@ -100,7 +100,9 @@ def _explained(report: dict[str, Any]) -> Iterator[tuple[str, list[tuple[str, ..
                 for column in HEAD[1:4]
             ]
             rows.append((NAMES[name], *cells[:2], f"{cells[2]} m{unit}", percent(row["share"])))
-        yield symbol, rows, [f"  {note}"] if note else []
+        solver = percent(attribution["solver_share"][quantity])
+        notes = [f"  of that the solver's own, compliance and timestep: {solver}"] if solver else []
+        yield symbol, rows, notes + ([f"  {note}"] if note else [])
 
 
 def _aligned(rows: list[tuple[str, str]]) -> list[str]:

@@ -14,6 +14,7 @@ from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.runs.report import verdict_line
 from ttwmr_mj.studies.reproduce.claims import friction
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS, REASONS
 from ttwmr_mj.studies.reproduce.errata import ERRATA
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.figures.figures import FIGURES
@@ -35,9 +36,9 @@ def write_claims(evidence: Evidence, judgements: dict[str, Judgement], path: Pat
             **asdict(judgement),
             "runs": [
                 {"run": run, "folder": f"runs/{run}", "recording": evidence.recording(run)}
-                for run in CLAIMS[name].numbers.runs
+                for run in CLAIMS[name].runs
             ],
-            "studies": list(CLAIMS[name].numbers.studies),
+            "studies": list(CLAIMS[name].studies),
         }
         for name, judgement in judgements.items()
     ]
@@ -66,14 +67,15 @@ def write_report(
     environment.filters["code"] = lambda text: Markup(
         re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text)))
     )
-    swept = not evidence.lacking(friction.SWEEP)
+    swept = judgements and not evidence.lacking(FIGURES["friction"].numbers.needed)
     page = environment.from_string(template).render(
         counts=Counter(judgement.verdict for judgement in judgements.values()),
         claims=[(CLAIMS[name], judgement) for name, judgement in judgements.items()],
         figures=[_figure(evidence, name) for name in drawn],
         errata=_errata(evidence) if judgements else [],
-        largest_load_n_m=friction.largest_load_n_m(evidence),
-        balances=friction.balances(evidence) if judgements and swept else [],
+        friction=friction.numbers(evidence) if swept else None,
+        balances=friction.balances(evidence) if swept else [],
+        limits=[(name, value, REASONS[name]) for name, value in LIMITS.items()],
         runs=[_run(evidence, name) for name in _used(drawn, judgements)],
         recording=evidence.recording,
         mm=mm,
@@ -84,8 +86,8 @@ def write_report(
 
 
 def _used(drawn: list[str], judgements: dict[str, Judgement]) -> list[str]:
-    shown = [FIGURES[name] for name in drawn] + [CLAIMS[name] for name in judgements]
-    used = {run for part in shown for run in part.numbers.runs}
+    used = {run for name in drawn for run in FIGURES[name].numbers.runs}
+    used |= {run for name in judgements for run in CLAIMS[name].runs}
     return [name for name in RUNS if name in used]
 
 

@@ -10,21 +10,17 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
 from ttwmr_mj.studies.reproduce.claims import friction
-from ttwmr_mj.studies.reproduce.claims.limits import GONE, NEAR_CONSTANT
-from ttwmr_mj.studies.reproduce.claims.measures import Number
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS
+from ttwmr_mj.studies.reproduce.claims.measures import Number, worse_error_m
 from ttwmr_mj.studies.reproduce.evidence import Evidence
+from ttwmr_mj.studies.reproduce.ideal.continuous import largest_ratio
 from ttwmr_mj.studies.reproduce.ideal.step_size import DURATION_S, GRIP_M_S2
 from ttwmr_mj.studies.reproduce.ideal.studies import STEP_STUDIES, STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
 Values = dict[str, float]
-
-
-def starts_gone(evidence: Evidence) -> Values:
-    """From how many starts V vanishes under the printed law."""
-    left = np.array(evidence.study("phase-plane")["left_v_share"])
-    return {"starts_with_v_gone": float((left <= GONE).sum())}
 
 
 def solutions(evidence: Evidence, gamma: str) -> Values:
@@ -54,11 +50,17 @@ def both_gammas(evidence: Evidence) -> Values:
 
 
 def rho_d(evidence: Evidence) -> Values:
-    """How constant ρ·D is in the solutions with constant ρ."""
+    """How constant ρ·D is in the solutions with constant ρ, most of the time and at its worst."""
     cases = [c for c in evidence.study("continuous")["cases"] if c["gamma"] == "constant"]
     sizes = [np.array(case["rho_d"]) for case in cases]
-    near = [float(np.mean(np.abs(size - 1.0) <= NEAR_CONSTANT)) for size in sizes]
+    near = [float(np.mean(np.abs(size - 1.0) <= LIMITS["NEAR_CONSTANT"])) for size in sizes]
+    furthest = [
+        float(np.quantile(np.abs(size - 1.0), LIMITS["MOSTLY"], method="inverted_cdf"))
+        for size in sizes
+    ]
     return {
+        "furthest_from_constant_min": min(furthest),
+        "furthest_from_constant_max": max(furthest),
         "share_of_time_near_constant_min": min(near),
         "share_of_time_near_constant_max": max(near),
         "rho_d_largest": max(float(np.abs(size).max()) for size in sizes),
@@ -68,27 +70,88 @@ def rho_d(evidence: Evidence) -> Values:
 
 def decades(evidence: Evidence) -> Values:
     """How long law (32) without singular terms takes for each tenfold decrease of the error."""
-    reached = np.array(evidence.study("continuous")["decade_times_s"])
+    reached = evidence.study("continuous")["decade_times_s"]
     lasted = np.diff(reached)
     return {
         "first_decade_s": float(reached[0]),
         "shortest_decade_s": float(lasted.min()),
         "longest_decade_s": float(lasted.max()),
-        "largest_ratio_of_decades": float((lasted[1:] / lasted[:-1]).max()),
+        "largest_ratio_of_decades": largest_ratio(reached),
     }
 
 
 def pole(evidence: Evidence) -> Values:
-    """Where all poles of Eq. 65 are; undefined if that is not proved."""
-    proved = evidence.study("proofs")["eq-65"]["proved"]
-    return {"pole_1_s": -4.0 if proved else math.nan}
+    """The poles of Eq. 65 with Table II's gains: their mean, and how far they are spread."""
+    del evidence
+    table = LyapunovPidOptions(kind="lyapunov_pid")
+    poles = np.roots([1.0, table.k_d, table.k_p, table.k_i])
+    mean = float(poles.mean().real)
+    return {"pole_1_s": mean, "spread_of_poles_share": float(np.abs(poles / mean - 1.0).max())}
 
 
 def apart(evidence: Evidence) -> Values:
     """How far contact physics and the analytic model are apart under the same law."""
-    seen, model = (evidence.trajectory(run).q for run in ("lab-pid-without", "lab-analytic"))
-    distance = np.hypot(*(seen - model)[:, 0, :2].T)
-    return {"contact_minus_model_rms_m": float(np.sqrt(np.mean(distance**2)))}
+    pairs = {
+        "published": ("lab-pid", "lab-analytic-pid"),
+        "without_correction": ("lab-pid-without", "lab-analytic"),
+    }
+    return {f"{law}_apart_m": _apart(evidence, *runs) for law, runs in pairs.items()}
+
+
+def _apart(evidence: Evidence, *runs: str) -> float:
+    """Rms distance of P between two runs, as long as both last; infinite if one broke off."""
+    seen, model = (evidence.trajectory(run).q[:, 0, :2] for run in runs)
+    if len(seen) != len(model):
+        return math.inf
+    return float(np.sqrt(np.mean(np.hypot(*(seen - model).T) ** 2)))
+
+
+# with Table II's gains
+TABLE_70, TABLE_32 = "pid-constant-aligned-analytic", "pid-without-analytic"
+
+
+def gains(evidence: Evidence, gain: str) -> Values:
+    """What one of the tractor's gains does to the steady error, from half to double."""
+
+    def told(law: str, errors: list[float]) -> Values:
+        half, table, double = errors
+        names = (f"{law}_half_m", f"{law}_m", f"{law}_double_m", f"{law}_worse_with_gain")
+        return dict(zip(names, (*errors, _worse(half, table, double)), strict=True))
+
+    runs_70 = (f"gains70-{gain}-half", TABLE_70, f"gains70-{gain}-double")
+    runs_32 = (f"gains-{gain}-half", TABLE_32, f"gains-{gain}-double")
+    tractor = [evidence.value(run, "steady_tractor_rmse_m") for run in runs_32]
+    return told("published", [worse_error_m(evidence, run) for run in runs_70]) | told(
+        "omitted", tractor
+    )
+
+
+def gains_pid(evidence: Evidence) -> Values:
+    """What the gains of γ do to the steady error under law (70), gain by gain."""
+    errors = {
+        gain: [
+            worse_error_m(evidence, run)
+            for run in (f"gains70-{gain}-half", TABLE_70, f"gains70-{gain}-double")
+        ]
+        for gain in ("k_p", "k_i", "k_d", "rho")
+    }
+    worse = [_worse(*row) for row in errors.values()]
+    every = [error for row in errors.values() for error in row]
+    return {
+        "published_m": worse_error_m(evidence, TABLE_70),
+        "most_worse_with_gain": max(worse),
+        "least_worse_with_gain": min(worse),
+        "gains_that_help": float(sum(ratio < LIMITS["BETTER"] for ratio in worse)),
+        "least_m": min(every),
+        "most_m": max(every),
+    }
+
+
+def _worse(half: float, table: float, double: float) -> float:
+    """The larger ratio of the error with a gain to that with half of it; below 1 it helps."""
+    with np.errstate(invalid="ignore"):
+        ratios = np.divide((table, double), (half, table))
+    return float(np.nan_to_num(ratios, nan=math.inf).max())  # ∞/∞: nothing is known to help
 
 
 def small_steps(evidence: Evidence) -> Values:
@@ -108,7 +171,6 @@ def small_steps(evidence: Evidence) -> Values:
 
 
 COMPUTED: dict[str, Callable[[Evidence], Values]] = {
-    "starts_gone": starts_gone,
     "exact_solutions": partial(solutions, gamma="exact"),
     "constant_solutions": partial(solutions, gamma="constant"),
     "both_gammas": both_gammas,
@@ -116,6 +178,9 @@ COMPUTED: dict[str, Callable[[Evidence], Values]] = {
     "decades": decades,
     "pole": pole,
     "apart": apart,
+    "gains_alpha1": partial(gains, gain="alpha1"),
+    "gains_alpha2": partial(gains, gain="alpha2"),
+    "gains_pid": gains_pid,
     "small_steps": small_steps,
     "friction": friction.numbers,
 }

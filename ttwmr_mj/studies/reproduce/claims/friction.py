@@ -7,17 +7,21 @@ T/(m2·l·R·ω²), and above m2·l·R·ω² it holds it straight behind the tra
 torque at rest, so it never does.
 """
 
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from ttwmr_mj.references.circle import Circle
-from ttwmr_mj.studies.reproduce.claims.limits import TRAILER_FOLLOWS_M
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS
 from ttwmr_mj.studies.reproduce.evidence import Evidence
 from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
 VISCOUS = "friction-viscous"
-SWEEP = matching(["friction-*-unm", VISCOUS], RUNS)
+SWEEP = matching(["friction-[0-9]*-unm", VISCOUS], RUNS)  # aligned on the circle at the start
+FROM_START = matching(["friction-start-*"], RUNS)  # Table II's start, beside the circle
+BY_CAMERA = matching(["lab-pid-without*"], RUNS)  # the same, by camera
 STANDS_RAD = 1e-3  # peak to peak of the hitch angle over the last quarter
 
 
@@ -72,15 +76,36 @@ def _balance(evidence: Evidence, run: str) -> Balance:
     )
 
 
+def least_n_m(evidence: Evidence, runs: Iterable[str]) -> tuple[float, float]:
+    """The friction that brings the trailer within its limit and does so with any more.
+
+    Returns:
+        The largest friction of the runs that does not, and the next one; the latter infinite where
+        none does.
+    """
+    friction = {run: evidence.robot(run).hitch.coulomb_friction_n_m for run in runs}
+    rising = sorted(friction, key=friction.__getitem__)
+    limit = LIMITS["TRAILER_FOLLOWS_M"]
+    off = [run for run in rising if evidence.value(run, "steady_trailer_rmse_m") > limit]
+    count = rising.index(off[-1]) + 1 if off else 0
+    below = friction[rising[count - 1]] if count else 0.0
+    return below, friction[rising[count]] if count < len(rising) else math.inf
+
+
 def numbers(evidence: Evidence) -> dict[str, float]:
-    """The sweep in numbers."""
+    """The sweeps in numbers."""
     *dry, viscous = balances(evidence)
     standing = [row for row in dry if row.stands]
-    follows = [row.friction_n_m for row in dry if row.trailer_error_m <= TRAILER_FOLLOWS_M]
+    bands = {
+        "": least_n_m(evidence, SWEEP[:-1]),
+        "start_": least_n_m(evidence, FROM_START),
+        "camera_": least_n_m(evidence, BY_CAMERA),
+    }
     return {
         "largest_load_mn_m": 1e3 * largest_load_n_m(evidence),
-        "least_friction_that_carries_mn_m": 1e3 * min(follows),
         "runs_that_stand": len(standing),
         "runs_that_balance": sum(row.balanced for row in standing),
         "viscous_hitch_angle_rad": viscous.hitch_angle_rad,
+        **{f"{case}too_little_mn_m": 1e3 * low for case, (low, _) in bands.items()},
+        **{f"{case}enough_mn_m": 1e3 * high for case, (_, high) in bands.items()},
     }

@@ -14,8 +14,9 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.references.shared.reference import sampled_path
-from ttwmr_mj.studies.reproduce.claims.limits import TRACTOR_FOLLOWS_M, TRAILER_FOLLOWS_M
+from ttwmr_mj.studies.reproduce.claims.limits import LIMITS
 from ttwmr_mj.studies.reproduce.evidence import Evidence, second_half
+from ttwmr_mj.studies.reproduce.ideal.continuous import decades, largest_ratio
 from ttwmr_mj.studies.reproduce.ideal.studies import STUDIES
 from ttwmr_mj.studies.reproduce.runs import RUNS, matching
 
@@ -74,10 +75,30 @@ def worse_error_m(evidence: Evidence, run: str) -> float:
 
 
 @measure
-def robot_follows(evidence: Evidence, run: str) -> float:
-    """1 if tractor and trailer both follow, else 0."""
-    tractor, trailer = (evidence.value(run, f"steady_{b}_rmse_m") for b in ("tractor", "trailer"))
-    return float(tractor <= TRACTOR_FOLLOWS_M and trailer <= TRAILER_FOLLOWS_M)
+def beyond_limits(evidence: Evidence, run: str) -> float:
+    """The worse of the tractor's and the trailer's steady error, each over its limit."""
+    errors = (
+        evidence.value(run, f"steady_{body}_rmse_m") / LIMITS[f"{body.upper()}_FOLLOWS_M"]
+        for body in ("tractor", "trailer")
+    )
+    return max(errors)
+
+
+@measure
+def decades_reached(evidence: Evidence, run: str) -> float:
+    """How many powers of ten P's error has come down by at its least; six are counted."""
+    return float(len(_decades(evidence, run)))
+
+
+@measure
+def ratio_of_decades(evidence: Evidence, run: str) -> float:
+    """The time of a decade of P's error over that of the one before, at most."""
+    return largest_ratio(_decades(evidence, run))
+
+
+def _decades(evidence: Evidence, run: str) -> list[float]:
+    rows = evidence.trajectory(run)
+    return decades(rows.time_s, np.hypot(*(rows.q - rows.ref_q)[:, 0, :2].T))
 
 
 @measure

@@ -13,6 +13,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.controllers.lyapunov_pid import LyapunovPidOptions
+from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.ideal.loop import IdealLoop, State, solve
 
 CIRCLES = {"lab circle (Eq. 72-73)": (0.43, 0.125, 0.35), "circle (Eq. 37)": (1.0, 0.5, 0.0)}
@@ -61,6 +62,22 @@ def decade_times() -> list[float]:
     """When law (32) without singular terms has brought |e| to 10⁻¹, 10⁻², ... of its start [s]."""
     loop = IdealLoop(LyapunovOptions(kind="lyapunov"), *CIRCLES["lab circle (Eq. 72-73)"])
     path = solve(loop, loop.at_rest(*START_M), 70.0, samples=7001)
-    distances = loop.distances(path)
-    share = distances / distances[0]
-    return [float(path.time_s[np.argmax(share < 10.0**-n)]) for n in range(1, DECADES + 1)]
+    return decades(path.time_s, loop.distances(path))
+
+
+def decades(time_s: FloatArray, distance_m: FloatArray) -> list[float]:
+    """When a distance (n,) is below 10⁻¹, 10⁻², ... of its start for the first time [s].
+
+    Six at most; those that are not reached are left out.
+    """
+    share = distance_m / distance_m[0]
+    reached = (share < 10.0**-n for n in range(1, DECADES + 1))
+    return [float(time_s[np.argmax(below)]) for below in reached if below.any()]
+
+
+def largest_ratio(decade_times_s: list[float]) -> float:
+    """A decade's time over that of the one before, at most; infinite unless all are reached."""
+    lasted = np.diff(decade_times_s)
+    if len(decade_times_s) < DECADES:
+        return math.inf
+    return float((lasted[1:] / lasted[:-1]).max())

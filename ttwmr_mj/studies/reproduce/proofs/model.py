@@ -45,6 +45,50 @@ def eq_23() -> Proof:
     )
 
 
+def eq_11() -> Proof:
+    """The constraint force has one sign in Eq. 11, the other in Eq. 14-15; S removes it."""
+    lam, th1 = sp.symbols("lambda_1 theta_1", real=True)
+    row = sp.Matrix([[sp.sin(th1), -sp.cos(th1), 0, 0]])  # A of Eq. 4
+    by_eq_11 = -lam * row.T
+    printed = sp.Matrix([lam * sp.sin(th1), -lam * sp.cos(th1), 0, 0])  # Eq. 14-17
+    spread = sp.Matrix([[sp.cos(th1), 0, 0], [sp.sin(th1), 0, 0], [0, 1, 0], [0, 0, 1]])
+    removed = (*(spread.T * by_eq_11), *(spread.T * printed))
+    return Proof(
+        vanish(*(by_eq_11 + printed), *removed) and not vanish(*(by_eq_11 - printed)),
+        [("by Eq. 11", by_eq_11), ("as printed", printed)],
+    )
+
+
+def eq_21() -> Proof:
+    """The right side of Eq. 21 is q̈, and not q̇, of Eq. 5."""
+    t = sp.Symbol("t")
+    th1, u1, u2, w2 = (sp.Function(name)(t) for name in ("theta_1", "u_1", "u_2", "thetadot_2"))
+    spread = sp.Matrix([[sp.cos(th1), 0, 0], [sp.sin(th1), 0, 0], [0, 1, 0], [0, 0, 1]])
+    motion = sp.Matrix([u1, u2, w2])
+    q_rate = spread * motion
+    right = spread.diff(t) * motion + spread * motion.diff(t)
+    standing = {th1: 0, u2: 0, w2: 0, u1: 1}  # drives ahead at constant speed: q̇ ≠ 0, q̈ = 0
+    differs = [side.subs(standing).doit() for side in (q_rate, right)]
+    return Proof(
+        vanish(*(q_rate.diff(t) - right)) and differs[0] != differs[1],
+        [("Ṡ·ξ̇ + S·ξ̈", right), ("q̇", q_rate)],
+    )
+
+
+def eq_24() -> Proof:
+    """The fifth row of Eq. 24 is Eq. 17 with k; its fourth row as printed adds another equation."""
+    m2, j2, length = sp.symbols("m_2 J_2 l", positive=True)
+    ax, ay, th2, acc, rate = sp.symbols("xddot yddot theta_2 thetaddot_2 thetadot_2", real=True)
+    k = j2 / (m2 * length) + length
+    eq_17 = m2 * length * (ax * sp.sin(th2) - ay * sp.cos(th2)) + (j2 + m2 * length**2) * acc
+    fifth = ax * sp.sin(th2) - ay * sp.cos(th2) + k * acc
+    forced = fifth.subs(acc, rate)  # with θ̇2 = θ̈2 it fixes θ̇2, for a system of second order
+    return Proof(
+        vanish(eq_17 - m2 * length * fifth) and not vanish(forced.diff(rate)),
+        [("Eq. 17 over m2·l", fifth), ("with θ̇2 = θ̈2 it would say that this is zero", forced)],
+    )
+
+
 def eq_26() -> Proof:
     """ẍ and ÿ of Eq. 26 are Eq. 27-28."""
     t = sp.Symbol("t")

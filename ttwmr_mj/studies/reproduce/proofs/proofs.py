@@ -22,14 +22,17 @@ def all_proofs() -> dict[str, Callable[[], Proof]]:
         MachineError: sympy is not installed.
     """
     try:
-        from ttwmr_mj.studies.reproduce.proofs import law, model
+        from ttwmr_mj.studies.reproduce.proofs import law, model, steering
     except ImportError as error:
         raise MachineError(
             "sympy is not installed, so the errata are not proved here; install it with "
             "pip install 'ttwmr-mj[reproduce]'"
         ) from error
     return {
+        "eq-11": model.eq_11,
+        "eq-21": model.eq_21,
         "eq-23": model.eq_23,
+        "eq-24": model.eq_24,
         "eq-26": model.eq_26,
         "eq-32": law.eq_32,
         "eq-36": law.eq_36,
@@ -39,6 +42,7 @@ def all_proofs() -> dict[str, Callable[[], Proof]]:
         "eq-58": law.eq_58,
         "eq-65": law.eq_65,
         "eq-68": law.eq_68,
+        "no-gamma": steering.no_gamma,
         "circle": model.circle_equilibrium,
     }
 
@@ -69,6 +73,6 @@ def _mathml(formula: Any) -> str:
     ):
         dotted = f"<mover><mi>{letter}</mi><mo>{dot}</mo></mover>"
         text = text.replace(f"<mi>{name}</mi>", dotted)
-    for name, letters in (("theta_1", "θ₁"), ("u_1", "u₁")):  # names of functions
+    for name, letters in (("theta_1", "θ₁"), ("u_1", "u₁"), ("u_2", "u₂")):  # names of functions
         text = text.replace(f"<mi>{name}</mi>", f"<mi>{letters}</mi>")
     return text
