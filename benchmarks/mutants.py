@@ -79,7 +79,7 @@ class Mapping(NamedTuple):
         tests: dict[tuple[str, int], set[str]] = {}
         for name in data.measured_files():
             for line, contexts in data.contexts_by_lineno(name).items():
-                nodes = {context.partition("|")[0] for context in contexts if context}
+                nodes = {context.rpartition("|")[0] for context in contexts if context}
                 tests[str(Path(name).relative_to(folder.resolve())), line] = nodes
         cases = ElementTree.parse(folder / "durations.xml").iter("testcase")
         duration = {

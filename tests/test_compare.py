@@ -245,7 +245,7 @@ def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> 
     [
         (Options(mode="closed_loop", real_wheels=True), "--real-wheels"),
         (Options(validate_on="waypoints"), "add --fit"),
-        (Options(fit=True, validate_on="open_loop_turn"), "does not see"),
+        (Options(fit=True, validate_on="open_loop_turn"), "on another scenario"),
     ],
 )
 def test_contradictions_are_refused(tmp_path: Path, options: Options, message: str) -> None:

@@ -90,7 +90,7 @@ def test_bars_say_what_contributes(
     assert "rms deviation of P [mm]" in texts
     assert "rms deviation of θ2 [mrad]" in texts
     assert [text for text in texts if text.endswith(" %")] == ["100.0 %", "0.0 %", "75.0 %"]
-    assert "unexplained rest" in texts
+    assert "unexplained remainder" in texts
     assert "total (rms)" in texts
 
 

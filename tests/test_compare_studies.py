@@ -14,16 +14,9 @@ from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.studies.compare.attribution import (
-    QUANTITIES,
-    Attribution,
-    Contribution,
-    attribute,
-    table,
-)
+from ttwmr_mj.studies.compare.attribution import attribute
 from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
-from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.fit.fit import fit, standard_deviation
 from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, MAX_STEP_S, SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
@@ -40,42 +33,6 @@ def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, 
     return replay(scenario, commands, ExtendedPlant(model, count, period, MAX_STEP_S))
 
 
-def everything() -> Scenario:
-    """A scenario in which every effect is present."""
-    robot: dict[str, Any] = {
-        "tractor": {"wheel_shape": "cylinder"},
-        "hitch": {"damping_n_m_s_rad": 1e-3, "coulomb_friction_n_m": 1e-4},
-        "casters": {"rolling_resistance_m": 1e-5},
-    }
-    return open_loop(*BRISK, robot=robot)
-
-
-def test_every_effect_can_be_switched_off_and_on() -> None:
-    full = everything()
-    assert all(effect.present(full) for effect in EFFECTS)
-    ideal = with_effects(full, ())
-    assert not ideal.robot.hitch.damping_n_m_s_rad
-    assert ideal.robot.tractor.wheel_shape == "ellipsoid"
-    assert with_effects(full, [effect.name for effect in EFFECTS]) == full
-
-
-def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
-    full = open_loop(*BRISK, robot={"servo": {"velocity_gain_n_m_s_rad": 0.2}})
-    result = attribute(full, run_commands(full))
-    assert result.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
-    for quantity in QUANTITIES:
-        *parts, total = result.tables[quantity]
-        assert total.name == "total"
-        assert sum(row.size for row in parts) == pytest.approx(total.size)
-        for row in parts[:-2]:
-            assert row.alone is not None
-            assert row.interaction is not None
-            assert row.alone + row.interaction == pytest.approx(row.size)
-    shares = {row.name: row.share for row in result.tables["position"]}
-    assert shares["servo"] == pytest.approx(1.0, abs=0.1)
-    assert shares["rest"] == pytest.approx(0.0, abs=0.1)
-
-
 def test_studies_tell_how_far_they_are() -> None:
     scenario = open_loop((0.1, 5.0, 5.0))
     commands = np.full((scenario.periods, 2), 5.0)
@@ -87,20 +44,6 @@ def test_studies_tell_how_far_they_are() -> None:
         assert 0.0 < told[0] < 0.6  # the longest run goes first, and is no more than half of it
         assert told[-1] == 1.0
         assert told[0] == pytest.approx(max(np.diff([0.0, *told])))
-
-
-def test_a_contribution_is_its_projection_on_the_total() -> None:
-    """By hand: δ = (3, 4) mm at one sample; one effect along it, one across, one rest."""
-    total, along = np.array([[3.0, 4.0, 0.0, 0.0]]), np.array([[1.5, 2.0, 0.0, 0.0]])
-    across = np.array([[-4.0, 3.0, 0.0, 0.0]])
-    none = np.zeros_like(total)
-    rows = table({"one": (along, across), "two": (none, none)}, 0.5 * along, total, [0, 1])
-    one, two, higher, rest, whole = rows
-    assert (one.alone, one.interaction, one.size) == pytest.approx((2.5, 0.0, 2.5))
-    assert (one.share, one.rms) == pytest.approx((0.5, np.hypot(-2.5, 5.0)))
-    assert (two.size, two.rms) == (0.0, 0.0)
-    assert (higher.size, rest.size, whole.size) == pytest.approx((1.25, 1.25, 5.0))
-    assert whole.share == pytest.approx(1.0)
 
 
 def test_standard_deviations_are_those_of_linear_least_squares() -> None:
@@ -118,29 +61,6 @@ def test_standard_deviations_are_those_of_linear_least_squares() -> None:
     covariance = np.linalg.inv(wide.T @ wide) * (slow**2).sum() / freedom
     expected = np.sqrt(np.diag(covariance))
     np.testing.assert_allclose(standard_deviation(slow.ravel(), wide), expected, rtol=1e-12)
-
-
-def test_a_large_rest_is_explained() -> None:
-    def found(total: float, rest: float) -> Attribution:
-        part = Contribution("servo", 0.0, 0.0, total - rest, 1.0 - rest / total, total - rest)
-        none = Contribution("higher_interactions", None, None, 0.0, 0.0, 0.0)
-        left = Contribution("rest", None, None, rest, rest / total, rest)
-        whole = Contribution("total", None, None, total, 1.0, total)
-        return Attribution(("servo",), {"theta2": (part, none, left, whole)})
-
-    assert found(1.0, 0.09).note("theta2") is None
-    assert found(1e-3, 0.09e-3).as_json()["notes"] == {}
-    assert "they do not add up" in found(4.0, 1.7).as_json()["notes"]["theta2"]
-    assert "25.0 % of their sum" in str(found(1e-3, 0.2e-3).note("theta2"))
-
-
-@pytest.mark.slow
-def test_every_effect_is_attributed() -> None:
-    full = everything()
-    result = attribute(full, run_commands(full))
-    assert result.present == tuple(effect.name for effect in EFFECTS)
-    for rows in result.tables.values():
-        assert sum(row.size for row in rows[:-1]) == pytest.approx(rows[-1].size)
 
 
 def test_contact_physics_converges_to_the_ideal_with_order_one() -> None:

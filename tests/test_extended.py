@@ -7,7 +7,8 @@ import pytest
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
-from ttwmr_mj.dynamics.extended import GRAVITY_M_S2, ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -45,10 +46,12 @@ def push(**values: float) -> FloatArray:
     return np.stack([force.sum(axis=1), ROBOT.half_track_m * (force[:, 0] - force[:, 1])], axis=-1)
 
 
-def resistance(resistance_m: float, spacing_m: float) -> FloatArray:
+def resistance(
+    resistance_m: float, spacing_m: float, aside: FloatArray | float = 0.0
+) -> FloatArray:
     """(N, 3) generalized force over (s, θ1, θ2) of the balls' resistance, by virtual power.
 
-    Returns −Σ |F|·∂|v|/∂ξ̇ with the speeds of the balls from their places.
+    Returns −Σ |F|·∂|v|/∂ξ̇ with the speeds of the balls from their places; P slips aside [m/s].
     """
     casters, trailer, tractor = ROBOT.casters, ROBOT.trailer, ROBOT.tractor
     nose = tractor.mass_kg * tractor.com_offset_m / casters.tractor_position_m
@@ -62,8 +65,8 @@ def resistance(resistance_m: float, spacing_m: float) -> FloatArray:
         for angle, column, (x, y), mass in balls:
             cos, sin = np.cos(angle), np.sin(angle)
             turn, speed = workspace_rate[:, column], workspace_rate[:, 0]
-            vx = speed * np.cos(Q[:, 2]) - turn * (x * sin + y * cos)
-            vy = speed * np.sin(Q[:, 2]) + turn * (x * cos - y * sin)
+            vx, vy = kinematics.to_world(Q[:, 2], speed, aside)
+            vx, vy = vx - turn * (x * sin + y * cos), vy + turn * (x * cos - y * sin)
             total -= mass * GRAVITY_M_S2 * resistance_m / casters.radius_m * np.hypot(vx, vy)
         return total
 
@@ -111,6 +114,15 @@ def test_rolling_resistance_does_the_power_it_should() -> None:
     pushed = reaction - resistance(size, 0.0)[:, 0]
     np.testing.assert_allclose(more[:, 0], pushed, rtol=1e-3, atol=1e-4)
     np.testing.assert_allclose(more[:, 1], -generalized[:, 1], atol=1e-4)
+
+
+def test_rolling_resistance_acts_along_the_slip_as_well() -> None:
+    size, slip = 1e-4, 0.5  # s; P slips aside about as fast as it goes ahead
+    aside = -slip * TWIST[:, 0] * TWIST[:, 1]
+    generalized = resistance(size, ROBOT.casters.trailer_half_spacing_m, aside)
+    turned = rate(rolling_resistance_m=size, slip_time_s=slip)[4] - rate(slip_time_s=slip)[4]
+    expected = generalized[:, 2] / ROBOT.swing_inertia_kg_m2
+    np.testing.assert_allclose(turned, expected, rtol=1e-3, atol=1e-3)  # as without slip
 
 
 def test_balls_add_the_inertia_of_their_rolling() -> None:

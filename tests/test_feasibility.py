@@ -268,11 +268,11 @@ def test_a_file_that_is_no_plan_says_why(tmp_path: Path) -> None:
 
     assert problem(good) == ""
     assert problem(good + "# a remark\n") == ""
-    assert "it lacks the note ends" in problem(good.replace("# ends:", "# end:"))
+    assert "it lacks the header entry ends" in problem(good.replace("# ends:", "# end:"))
     assert "not as it began or at rest" in problem(good.replace("ends: at rest", "ends: somehow"))
     assert "at least 8 rows" in problem("\n".join([*head, *rows[:7]]))
     assert "at least 8 rows" in problem("\n".join([*head, *(row + ",0" for row in rows)]))
-    assert "do not rise" in problem("\n".join([*lines, rows[-1]]))
+    assert "do not increase" in problem("\n".join([*lines, rows[-1]]))
     assert "not all finite" in problem("\n".join([*head, "-1,nan,0,0,0", *rows]))
 
 

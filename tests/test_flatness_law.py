@@ -145,7 +145,7 @@ def chosen(
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
     body = np.column_stack([reference.q[0], reference.q_rate[0, :, 3:]]) + [offset]
     one = np.ones(1, dtype=np.bool_)
-    return body, found.choose(0, one, body, reference.velocity_m_s[0], wheels)
+    return body, found.choose(0, one, body, reference.velocity_m_s[0], wheels, np.zeros((1, 2)))
 
 
 @pytest.mark.parametrize("rate", [0.8, -0.7])
@@ -186,7 +186,7 @@ def test_strain_is_what_the_reference_itself_takes() -> None:
     still, duration = np.zeros((1, 1, 4, 2)), np.array([1.0])
 
     def strain(wheels: list[float]) -> float:
-        value, away = found._strain(0, still, duration, np.array([wheels]))
+        value, away = found._strain(0, still, duration, np.array([wheels]), np.zeros((1, 2)))
         assert away[0, 0] == 0.0
         return float(value[0, 0])
 
@@ -197,7 +197,7 @@ def test_strain_is_what_the_reference_itself_takes() -> None:
     assert strain([outer - jump, inner]) == pytest.approx(expected, rel=1e-9)
     aside = np.zeros((1, 1, 4, 2))
     aside[0, 0, 0] = [0.03, -0.04]
-    _, away = found._strain(0, aside, duration, np.array([[outer, inner]]))
+    _, away = found._strain(0, aside, duration, np.array([[outer, inner]]), np.zeros((1, 2)))
     assert away[0, 0] == pytest.approx(0.05, rel=1e-12)  # it only comes nearer
 
 

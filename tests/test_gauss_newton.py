@@ -111,7 +111,7 @@ def test_the_cost_to_go_of_the_lqr_is_what_its_policy_costs() -> None:
     target, decay = circle(25), 0.9
     state, command = fit(PROBLEM, target)
     exact = Target(state, command, PROBLEM.centre(state))
-    policy = lqr(PROBLEM, state, command, decay)
+    policy = lqr(PROBLEM, state, command, np.full(4, decay))
     z = 1e-4 * np.random.default_rng(6).normal(size=(1, 11)) * [1, 1, 1, 1, 1, 10, 10, 1, 1, 1, 1]
     expected = 0.5 * (z @ policy.cost[0, 0] @ z.T)[0, 0]
     x, d, cost = state[0] + z[:, :7], z[:, 7:], 0.0

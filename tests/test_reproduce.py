@@ -124,7 +124,7 @@ def test_an_unknown_figure_is_refused_with_a_hint(tmp_path: Path) -> None:
 
 def test_a_folder_with_something_else_in_it_is_refused(tmp_path: Path) -> None:
     (tmp_path / "thesis.tex").touch()
-    with pytest.raises(InputError, match=r"holds something else \(thesis.tex\)"):
+    with pytest.raises(InputError, match=r"holds other files \(thesis.tex\)"):
         reproduce(tmp_path, ["phase-plane"], quiet=True)
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]
 

@@ -59,7 +59,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             [*OPEN_LOOP, "initial.kind=at_rest"],
             [*OPEN_LOOP, "initial.kind=on_reference"],
             "initial.kind",
-            "got 'on_reference'; reference.kind = 'none' leaves nothing to start on",
+            "got 'on_reference'; with reference.kind = 'none' there is no reference to start on",
         ),
         (
             ["initial.kind=on_reference"],
@@ -84,7 +84,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["output.save_frames=true", CAMERA],
             ["output.save_frames=true"],
             "output.save_frames",
-            "got true; sensing.kind is 'truth'; allowed: 'camera'",
+            "got true; sensing.kind = 'truth' has no frames; use sensing.kind = 'camera'",
         ),
         ([], ["output.save_frames=true"], "output.save_frames", ""),
     ],

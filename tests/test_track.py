@@ -93,7 +93,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     [
         ("", ["track", "no.avi", "--calibration", "CAL"], "no.avi: no such video file"),
         ("torn.avi", ["track", "torn.avi", "--calibration", "CAL"], "torn.avi: "),
-        ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "has 320×240 px"),
+        ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "got 320×240 px"),
         ("bad.yaml", ["track", "small.avi", "--calibration", "bad.yaml"], "bad.yaml: "),
         ("", ["track", "small.avi", "--calibration", "no.yaml"], "no such calibration file"),
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
+from ttwmr_mj.controllers import tvlqr
 from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.shared.friction import FrictionOptions
 from ttwmr_mj.controllers.shared.gauss_newton import fit
 from ttwmr_mj.controllers.shared.riccati import backward
 from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
+from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.results.metrics import score
-from ttwmr_mj.robot import RobotParameters, Servo
+from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.runs.build import initial_state, sample_reference
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import RobotState
 
 ROBOT = RobotParameters(servo=Servo(preset="fast"))
 PERIOD = 0.033
@@ -195,3 +201,47 @@ def test_flags_of_a_command_say_what_was_cut_and_what_nearly_stands() -> None:
     assert command.saturated.tolist() == [False, True, True, True, False]
     assert command.near_singular.tolist() == [False, False, False, False, True]
     assert command.wheel_speed_rad_s[1] == pytest.approx(here + reach)
+
+
+def test_friction_beyond_the_plans_counts_as_an_unexplained_acceleration() -> None:
+    robot, k = ROBOT.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=1e-3)}), 7
+    path = Planned(plan="figure_eight").sample(PERIOD * np.arange(20), robot)
+    law = Tvlqr(TvlqrOptions(friction=FrictionOptions(smoothing_rad_s=1.0)))
+    law.start(Task(robot, path, PERIOD, 5, np.random.default_rng(0)))
+    plan = np.tile(law._state[k], (5, 1))
+    off = np.array([0.0, 0.3, -0.3, 0.3, 0.6])  # rad/s of θ̇2, over which friction is curved
+    planned = plan[:, 4] - twist_from_wheels(plan[:, 5:], robot)[:, 1]
+    rubbing = [
+        -1e-3 / robot.swing_inertia_kg_m2 * rate / np.hypot(rate, 1.0)
+        for rate in (planned + off, planned)
+    ]
+    more = rubbing[0] - rubbing[1]
+    assert min(np.abs(more[1:]).min(), np.abs(rubbing[1]).min()) > 0.01  # rad/s²
+    # all rub; but for the fourth, an unexplained acceleration makes up for what the plan lacks
+    none, body = np.zeros(5), plan[:, :5] + off[:, None] * np.eye(5)[4]
+    estimate = Estimate(RobotState(body[:, :4], np.zeros((5, 4))), none, none == 0.0, none)
+    now = law._observer.update(estimate)._replace(
+        body=body, wheels=plan[:, 5:], unexplained=np.where(np.arange(5) == 3, 0.0, -more)
+    )
+    law._observer.update = lambda _: now  # type: ignore[method-assign]
+    command = law.command(k, estimate)
+    assert not command.saturated.any()
+    change = command.wheel_speed_rad_s - law._command[k]
+    assert change[0] == pytest.approx(0.0, abs=1e-12)  # on the plan, it is the plan's
+    assert change[2] == pytest.approx(-change[1], abs=1e-12)
+    assert change[4] == pytest.approx(2.0 * change[1], abs=1e-12)
+    assert change[3] - change[1] == pytest.approx(more[3] * law._gain[k, 0, :, 10], abs=1e-12)
+
+
+def test_a_disturbance_falls_to_an_eth_in_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    decays, plain = [], tvlqr.lqr
+
+    def spy(*given: Any) -> Any:
+        decays.append(given[3])
+        return plain(*given)
+
+    monkeypatch.setattr(tvlqr, "lqr", spy)
+    path = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0).sample(PERIOD * np.arange(9), ROBOT)
+    law = Tvlqr(TvlqrOptions(disturbance_time_s=3.0))
+    law.start(Task(ROBOT, path, PERIOD, 1, np.random.default_rng(0)))
+    assert np.ravel(decays) ** (3.0 / PERIOD) == pytest.approx(np.exp(-1.0), rel=1e-12)

@@ -94,7 +94,7 @@ def test_unreadable_files_say_what_to_do(tmp_path: Path, content: str, message: 
         ("image_width: 640", "image_width: 0", "whole number"),
         ("image_width: 640", "image_width: 640.5", "whole number"),
         ("views: ", "views: 0 # ", "views: got 0"),
-        ("image_width: 640", "image_width: wide", "no number or matrix"),
+        ("image_width: 640", "image_width: wide", "neither a number nor a matrix"),
         ("floor_rms_px: ", "floor_rms_px: .NaN # ", "floor_rms_px: .* finite"),
         ("rows: 3", "rows: 2", "damaged|shape|cannot be read"),
         ("image_height", "image_hight", "image_height: is missing"),
@@ -209,7 +209,7 @@ def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"needs pictures in .*held \(got 0\)"):
         calibrate_from_images(tmp_path)
     album(tmp_path, held=(480, 640), origin=(480, 640), flat=(240, 320))
-    with pytest.raises(InputError, match=r"flat/a\.png: 320×240 px, but .* has 640×480"):
+    with pytest.raises(InputError, match=r"flat/a\.png: got 320×240 px; .* has 640×480"):
         calibrate_from_images(tmp_path)
     (tmp_path / "flat" / "a.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match="cannot be read as an image"):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from vision_scene import model
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
-from ttwmr_mj.vision.camera.labels import NAMES, read_layout
+from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Lens
@@ -65,7 +67,7 @@ def test_ignoring_a_labels_height_would_cost_centimetres() -> None:
 
 def test_a_lens_that_folds_the_picture_is_refused() -> None:
     camera = hang_camera(model(), CameraOptions(lens=Lens(k1=-1.0)))
-    with pytest.raises(InputError, match="folds the picture"):
+    with pytest.raises(InputError, match="folds the image"):
         LensMap(camera, 3, 0.0)
 
 
@@ -80,8 +82,15 @@ def test_layout_comes_from_the_models_sites() -> None:
     assert layout.offset_m[3, 0] - layout.radius_m == pytest.approx(-REAR_LABEL_M)
 
 
+def beside_the_axis() -> LabelLayout:
+    """Labels off the axis, each half's on one side: those of the robot's own model have y = 0."""
+    layout = read_layout(model())
+    aside = np.array([0.05, 0.03, -0.06, -0.02])
+    return replace(layout, offset_m=np.column_stack([layout.offset_m[:, 0], aside]))
+
+
 def test_label_jacobian_against_differences() -> None:
-    layout, q, step = read_layout(model()), np.array([0.2, -0.1, 0.7, 2.1]), 1e-6
+    layout, q, step = beside_the_axis(), np.array([0.2, -0.1, 0.7, 2.1]), 1e-6
     jacobian = label_jacobian(q, layout)
     for i, change in enumerate(step * np.eye(4)):
         ahead, behind = layout.centres_m(q + change), layout.centres_m(q - change)
@@ -91,7 +100,7 @@ def test_label_jacobian_against_differences() -> None:
 
 @pytest.mark.parametrize("hidden", [(), (0,), (1,), (2,), (3,)])
 def test_pose_is_exact_from_four_or_three_labels(hidden: tuple[int, ...]) -> None:
-    layout, q = read_layout(model()), np.array([0.31, -0.22, -2.9, 1.3])
+    layout, q = beside_the_axis(), np.array([0.31, -0.22, -2.9, 1.3])
     points = layout.centres_m(q)[:, :2]
     points[list(hidden)] = np.nan
     pose = solve_pose(points, layout)

@@ -187,6 +187,22 @@ def test_a_picture_without_the_motion_there_must_be_is_frozen() -> None:
     assert still.tracker.status is Status.TRACKED
 
 
+@pytest.mark.parametrize("frozen", [True, False])
+def test_frames_without_news_are_no_misfits(frozen: bool) -> None:
+    """However many they are, dead reckoning goes on while blindness is allowed."""
+    scene = Scene(max_blind_s=1.0)
+    scene.settle()
+    scene.tracker.commands.roll(WHEELS)
+    for k in range(1, 3 * MAX_MISFITS):
+        # after one step the labels need not have moved visibly
+        scene.see(STEP_S * k) if frozen and k > 1 else scene.see_nothing(STEP_S * k)
+        assert scene.tracker.status is Status.BLIND
+        assert np.isfinite(scene.tracker.sighting.predicted_px).all()
+    gone = np.linalg.norm(scene.tracker.estimate(STEP_S * k).q[:2] - POSE[:2])
+    # an arc of a fifth of a radian is longer than its chord by 1/600
+    assert gone == pytest.approx(STEP_S * k * twist_from_wheels(WHEELS, ROBOT)[0], rel=0.01)
+
+
 def test_a_label_that_was_hidden_before_is_not_frozen() -> None:
     scene = Scene()
     scene.see(0.0, hidden=(3,))

@@ -1,6 +1,6 @@
 """ttwmr-mj: a MuJoCo testbed for a tractor towing a spherical-wheeled trailer.
 
-The names in `__all__` are what a script or a notebook needs; each is loaded when first asked for.
+The names in `__all__` are what a script or a notebook needs; each is loaded on first use.
 """
 
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Table I describes each half of the robot as a whole; the chassis is what its parts leave.
+"""Table I describes tractor and trailer as wholes; a chassis is what remains without its parts.
 
 MuJoCo wants the parts: chassis, wheels, balls. With the remainder computed here, mass, COM and yaw
 inertia of each composite equal Table I (or whatever a scenario sets instead).
@@ -40,7 +40,7 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
     Args:
         whole: the composite; its inertia is about its own COM.
         parts: wheels and casters; each inertia about its own COM.
-        table: where the composite's numbers stand in a scenario, such as "robot.tractor".
+        table: where a scenario holds the composite's numbers, such as "robot.tractor".
 
     Raises:
         InputError: the parts leave no positive mass or yaw inertia for the chassis.
@@ -63,7 +63,7 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
         needed = whole.yaw_inertia_kg_m2 - inertia
         raise InputError.at(
             f"{table}.yaw_inertia_kg_m2",
-            f"impossible, as the wheels and casters alone, where they sit, have {needed:g} kg·m²",
+            f"the wheels and casters at their places already have {needed:g} kg·m²",
             got=f"{whole.yaw_inertia_kg_m2:g}",
             allowed="more than that, or lighter wheels and casters",
         )

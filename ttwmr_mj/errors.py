@@ -1,4 +1,4 @@
-"""The errors users meet: where, what was got, what is allowed, what to do."""
+"""The errors users meet: where, what was given, what is allowed, what to do."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ class Fault:
     Attributes:
         key: where, from the outermost table inwards; empty: the whole file or command.
         problem: what is wrong, in words; empty where `got` says it all.
-        got: the value that was given, as the file shows it; empty: none, or beside the point.
-        allowed: what may stand there.
+        got: the value that was given, as the file shows it; empty: none, or irrelevant.
+        allowed: what may be given there.
         hint: what to do about it.
     """
 
@@ -42,7 +42,7 @@ class Fault:
         return f"{self.where}: {self.message}" if self.key else self.message
 
     def within(self, *outer: str | int) -> Fault:
-        """The same fault, seen from further outside."""
+        """The same fault, with its key inside these outer tables."""
         return replace(self, key=(*outer, *self.key))
 
 
@@ -57,11 +57,11 @@ class TtwmrError(Exception):
 
 
 class InputError(TtwmrError):
-    """Something given from outside is wrong: scenario, option, file (exit code 2).
+    """An input is wrong: scenario, option, file (exit code 2).
 
     Attributes:
         faults: everything that is wrong.
-        file: of which file; None where there is none.
+        file: the file that is wrong; None where there is none.
     """
 
     def __init__(self, *faults: Fault | str, file: str | None = None) -> None:
@@ -80,6 +80,8 @@ class InputError(TtwmrError):
     def _text(self) -> str:
         if self.file is None:
             return "\n".join(map(str, self.faults))
+        if len(self.faults) == 1 and not self.faults[0].key:  # about the whole file
+            return f"{self.file}: {self.faults[0]}"
         count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
         return "\n".join([f"{self.file}: {count}", *(f"  {fault}" for fault in self.faults)])
 
@@ -93,7 +95,7 @@ def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | Non
 
 
 class RunError(TtwmrError):
-    """A run that started could not be finished: divergence, broken physics (exit code 1)."""
+    """A run that started could not be finished: divergence, failed physics (exit code 1)."""
 
 
 class MachineError(TtwmrError):

@@ -1,4 +1,4 @@
-"""Files: written beside, then renamed, so that they appear whole; and their names in input."""
+"""Files: written under a temporary name, then renamed (atomically); and file names in input."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_json(path: Path, value: Any) -> None:
-    """Write JSON; a NaN or infinity in it is a mistake here and raises ValueError."""
+    """Write JSON; a NaN or infinity in it is a programming error and raises ValueError."""
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
@@ -39,7 +39,7 @@ def input_file(remedy: str) -> AfterValidator:
 
 
 def placed(given: str, info: ValidationInfo, remedy: str) -> str:
-    """The absolute path of a file named in a scenario file, from whose folder it starts.
+    """The absolute path of a file named in a scenario file, relative to that file's folder.
 
     Where no file is being read (the validation has no folder in its context) it stays as given.
 

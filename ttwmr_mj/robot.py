@@ -1,7 +1,7 @@
 """The robot's numbers: Table I of the article and what it leaves open, each with its source.
 
 Every model in this package, analytic or MuJoCo, is built from one `RobotParameters`. Values are
-checked here, at the border; inside, they are trusted.
+checked here, on input; the rest of the package trusts them.
 """
 
 from collections.abc import Mapping
@@ -37,46 +37,64 @@ class Config(BaseModel):
 class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""
 
-    mass_kg: float = Field(default=0.9, gt=0, le=1e3, description="m1: the whole tractor, Table I")
+    mass_kg: float = Field(
+        default=0.9, gt=0, le=1e3, description="m1: mass of the whole tractor; Table I: 0.9"
+    )
     yaw_inertia_kg_m2: float = Field(
-        default=0.0035, gt=0, le=1e3, description="J1 about the tractor's own COM, Table I"
+        default=0.0035,
+        gt=0,
+        le=1e3,
+        description="J1: yaw inertia about the tractor's own COM; Table I: 0.0035",
     )
     com_offset_m: float = Field(
-        default=0.029, gt=0, le=10, description="a1: from P forward to the COM, Table I"
+        default=0.029,
+        gt=0,
+        le=10,
+        description="a1: distance from P forward to the COM; Table I: 0.029",
     )
     wheel_radius_m: float = Field(
-        default=0.026, gt=0, le=1, description="r: radius of the wheels, Table I"
+        default=0.026, gt=0, le=1, description="r: radius of the wheels; Table I: 0.026"
     )
     track_width_m: float = Field(
-        default=0.119, gt=0, le=10, description="2b: distance between the wheels, Table I"
+        default=0.119, gt=0, le=10, description="2b: distance between the wheels; Table I: 0.119"
     )
     wheel_mass_kg: float = Field(
-        default=0.03, gt=0, le=100, description="of one wheel, part of m1 (assumed)"
+        default=0.03, gt=0, le=100, description="mass of one wheel, included in m1; assumed: 0.03"
     )
     wheel_half_width_m: float = Field(
-        default=0.006, gt=0, le=1, description="half the width of a tyre (assumed)"
+        default=0.006, gt=0, le=1, description="half the width of a tyre; assumed: 0.006"
     )
     wheel_shape: Literal["ellipsoid", "cylinder"] = Field(
         default="ellipsoid",
-        description="an ellipsoid touches at a point, a cylinder along a line that scrubs",
+        description="shape of the tyres: an ellipsoid touches the floor at a point, a "
+        "cylinder along a line, which scrubs in turns",
     )
 
 
 class Trailer(Config):
     """A trailer (Table I), with its two spherical wheels."""
 
-    mass_kg: float = Field(default=0.33, gt=0, le=1e3, description="m2: the whole trailer, Table I")
+    mass_kg: float = Field(
+        default=0.33, gt=0, le=1e3, description="m2: mass of the whole trailer; Table I: 0.33"
+    )
     yaw_inertia_kg_m2: float = Field(
-        default=0.00078, gt=0, le=1e3, description="J2 about the trailer's own COM, Table I"
+        default=0.00078,
+        gt=0,
+        le=1e3,
+        description="J2: yaw inertia about the trailer's own COM; Table I: 0.00078",
     )
     com_offset_m: float = Field(
-        default=0.141, gt=0, le=10, description="l: from its hitch backward to the COM, Table I"
+        default=0.141,
+        gt=0,
+        le=10,
+        description="l: distance from its hitch backward to the COM; Table I: 0.141",
     )
     next_hitch_offset_m: float | None = Field(
         default=None,
         gt=0,
         le=10,
-        description="from its hitch backward to the next trailer's; needed where one follows",
+        description="distance from its hitch backward to the next trailer's hitch; required "
+        "if another trailer follows",
     )
 
     @property
@@ -97,13 +115,23 @@ class Hitch(Config):
     """
 
     stiffness_n_m_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="k_t: torsion spring, at rest when aligned"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="k_t: stiffness of a torsion spring that is relaxed when the trailer is "
+        "aligned; typically 0 to 10",
     )
     damping_n_m_s_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="c_t: damper and viscous friction; typically 0.001"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="c_t: coefficient of damper and viscous friction; typically 0.001",
     )
     coulomb_friction_n_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="dry friction, whatever the rate; typically 0.001"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="torque of dry friction, independent of the rate; typically 0.001",
     )
 
 
@@ -122,22 +150,36 @@ class Servo(Config):
     """One wheel's velocity servo. A preset fills in the limits that are not given."""
 
     preset: Literal["lab", "fast"] = Field(
-        default="lab", description="lab: 6.5 rad/s; fast: 40 rad/s, for the simulated circle"
+        default="lab",
+        description="speed and acceleration limits; lab: 6.5 rad/s and 50 rad/s²; fast: 40 "
+        "rad/s and 100 rad/s², for the simulated circle",
     )
     stall_torque_n_m: float = Field(
-        default=1.62, gt=0, le=1e3, description="largest torque, Section 4 (stall)"
+        default=1.62,
+        gt=0,
+        le=1e3,
+        description="largest torque of the servo (at stall); Section 4: 1.62",
     )
     speed_limit_rad_s: float = Field(
-        default=6.5, gt=0, le=1e3, description="fastest wheel; default: the preset's"
+        default=6.5, gt=0, le=1e3, description="largest wheel speed; default: the preset's"
     )
     acceleration_limit_rad_s2: float = Field(
-        default=50.0, gt=0, le=1e5, description="ramp of the set speed; default: the preset's"
+        default=50.0,
+        gt=0,
+        le=1e5,
+        description="largest rate of change of the speed setpoint; default: the preset's",
     )
     velocity_gain_n_m_s_rad: float = Field(
-        default=10.0, gt=0, le=1e4, description="torque per rad/s of speed error, up to stall"
+        default=10.0,
+        gt=0,
+        le=1e4,
+        description="torque per rad/s of speed error, up to the stall torque; typically 10",
     )
     reflected_inertia_kg_m2: float = Field(
-        default=2e-4, ge=0, le=10, description="motor and gears, seen at the wheel (armature)"
+        default=2e-4,
+        ge=0,
+        le=10,
+        description="inertia of motor and gears reflected to the wheel (armature); typically 2e-4",
     )
 
     @model_validator(mode="before")
@@ -151,18 +193,29 @@ class Servo(Config):
 class Casters(Config):
     """The spherical wheels: one under the tractor's nose, two under the trailer."""
 
-    radius_m: float = Field(default=0.008, gt=0, le=1, description="of one ball")
+    radius_m: float = Field(
+        default=0.008, gt=0, le=1, description="radius of one ball; assumed: 0.008"
+    )
     mass_kg: float = Field(
-        default=0.001, gt=0, le=10, description="of one ball; part of its body's mass"
+        default=0.001,
+        gt=0,
+        le=10,
+        description="mass of one ball, included in its body's mass; assumed: 0.001",
     )
     rolling_resistance_m: float = Field(
         default=0.0, ge=0, le=0.1, description="resisting torque per normal force; typically 1e-4"
     )
     tractor_position_m: float = Field(
-        default=0.075, gt=0, le=10, description="of the nose caster, forward of P"
+        default=0.075,
+        gt=0,
+        le=10,
+        description="distance from P forward to the tractor's caster; assumed: 0.075",
     )
     trailer_half_spacing_m: float = Field(
-        default=0.05, gt=0, le=10, description="from the trailer's axis to each of its casters"
+        default=0.05,
+        gt=0,
+        le=10,
+        description="distance from the trailer's axis to each of its casters; assumed: 0.05",
     )
 
 
@@ -179,10 +232,11 @@ class RobotParameters(Config):
     trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
         default=(Trailer(),),
         min_length=1,
-        description="front to back; [robot.trailer] is the first",
+        description="the trailers, front to back; [robot.trailer] is the first",
     )
     hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
-        default=(Hitch(),), description="one in front of each trailer; [robot.hitch] is the first"
+        default=(Hitch(),),
+        description="the hitches, one in front of each trailer; [robot.hitch] is the first",
     )
     servo: Servo = Servo()
     casters: Casters = Casters()

@@ -16,21 +16,28 @@ UpTo10 = Annotated[float, Field(ge=0, le=10)]
 
 
 class TruthSensing(Config):
-    """The true state, late and noisy if asked."""
+    """The true state, with optional latency and noise."""
 
     kind: Literal["truth"] = "truth"
-    latency_s: UpTo10 = Field(default=0.0, description="age of what arrives, whole control periods")
+    latency_s: UpTo10 = Field(
+        default=0.0,
+        description="age of the state when it arrives, a whole number of control periods; "
+        "typically 0.033",
+    )
     position_noise_m: UpTo10 = Field(
-        default=0.0, description="standard deviation of x and y; typically 0.001"
+        default=0.0, description="standard deviation of the noise in x and y; typically 0.001"
     )
     angle_noise_rad: UpTo10 = Field(
-        default=0.0, description="standard deviation of both angles; typically 0.001"
+        default=0.0, description="standard deviation of the noise in both angles; typically 0.001"
     )
     velocity_noise_m_s: UpTo10 = Field(
-        default=0.0, description="standard deviation of P's velocity; typically 0.001"
+        default=0.0, description="standard deviation of the noise in P's velocity; typically 0.001"
     )
     rate_noise_rad_s: float = Field(
-        default=0.0, ge=0, le=100, description="standard deviation of both rates; typically 0.01"
+        default=0.0,
+        ge=0,
+        le=100,
+        description="standard deviation of the noise in both angular rates; typically 0.01",
     )
 
 
@@ -41,7 +48,7 @@ class Estimate:
     Attributes:
         state: estimated q and rates, (nsim, 4) each.
         age_s: (nsim,) time since the state it describes; 0 where latency is compensated.
-        valid: (nsim,) False while the sensor is blind.
+        valid: (nsim,) False while the estimate is invalid, as of a camera that sees no labels.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
         measurement_age_s: (nsim,) age of the newest measurement in it; None: `age_s`.
     """
@@ -61,19 +68,19 @@ class Sensor(ABC):
         """Take this sample's measurement and return the one that has arrived by now."""
 
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:  # noqa: B027
-        """Hear the wheel speeds (nsim, 2) that hold from now on for one period."""
+        """Take note of the wheel speeds (nsim, 2) that hold from now on for one period."""
 
     def keep_log(self) -> None:  # noqa: B027
-        """From now on, keep what was seen for whoever reports on the run."""
+        """From now on, keep what was measured, for reports on the run."""
 
     def close(self) -> None:  # noqa: B027
-        """Give back what the sensor holds."""
+        """Release the sensor's resources."""
 
 
 class LatencyQueue(Generic[T]):
     """Delays what a sensor measures by whole control periods.
 
-    Before the first measurement has travelled that long, it stands in for those that are due.
+    Until the first measurement is that old, it is returned in place of those that are due.
     """
 
     def __init__(self, latency_s: float, period_s: float) -> None:

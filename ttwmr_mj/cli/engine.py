@@ -27,7 +27,7 @@ def option(
         default: if it is not given; without one False, None or (), as the type says, else the
             option is required. So it is for arguments, but for tuples.
         name: as typed; None: the field's name as --field-name.
-        metavar: stands for the value in the help.
+        metavar: placeholder for the value in the help.
     """
     return field(default=default, metadata={"help": text, "name": name, "metavar": metavar})
 

@@ -11,7 +11,7 @@ from ttwmr_mj.errors import RunError, TtwmrError
 
 EXAMPLES = """examples:
   ttwmr run lab_circle                     a shipped scenario, by name
-  ttwmr run my.toml --out results/mine     your own
+  ttwmr run my.toml --out results/mine     a scenario of your own
   ttwmr compare lab_circle                 contact physics against the analytic model
   ttwmr run lab_circle --set plant.kind=analytic --set controller.alpha1=40
   ttwmr view                               the newest recording under results/
@@ -41,7 +41,7 @@ def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
     """The subcommand that the words (None: of this process) ask for, with its options."""
     parser = argparse.ArgumentParser(
         prog="ttwmr",
-        description="A tractor with a spherical-wheeled trailer, in models and contact physics.",
+        description="A tractor towing a trailer on spherical wheels: models and contact physics.",
         epilog=EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

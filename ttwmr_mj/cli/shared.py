@@ -41,10 +41,10 @@ class Overrides(Subcommand):
     """Subcommands that read scenarios, in which single values can be replaced."""
 
     overrides: tuple[str, ...] = option(
-        "override one value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
+        "override a value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
     )
     fragment: Path | None = option(
-        "TOML merged into the scenario, such as what compare --fit writes", metavar="FILE"
+        "TOML file merged into the scenario, such as compare --fit writes", metavar="FILE"
     )
     seed: int | None = option("replace the scenario's seed")
 

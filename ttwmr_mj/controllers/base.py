@@ -1,4 +1,4 @@
-"""What a control law is: options in a scenario, told the task once, asked for wheel speeds."""
+"""What a control law is: options in a scenario, started with the task, called for wheel speeds."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Task:
     """What a controller may know before the run.
 
     Attributes:
-        robot: every number of the robot, as the controller is told it.
+        robot: all parameters of the robot that the controller assumes.
         reference: sampled at k·sampling_time_s, with samples beyond the end of the run to look
             ahead; None in open-loop experiments.
         sampling_time_s: the control period T.
@@ -54,7 +54,7 @@ class Command:
 
     Attributes:
         wheel_speed_rad_s: (nsim, 2) (ω_r, ω_l).
-        saturated: (nsim,) the wish was cut to what the servo can do.
+        saturated: (nsim,) the desired speeds were limited to the servo's range.
         near_singular: (nsim,) the map to wheel speeds was near its singularity, standstill.
         signals: name with its unit → (nsim,); the same names at every sample. They become columns
             of trajectory.parquet, plots of the recording and a figure.
@@ -104,7 +104,7 @@ class ControllerOptions(Config):
     def faults(self, reference: Reference, path: ReferencePath | None) -> list[Fault]:
         """What the law needs of the reference and does not find; keys from the scenario's root.
 
-        Both `ttwmr validate` and the run ask here, and `start` relies on it.
+        Both `ttwmr validate` and the run call this, and `start` relies on it.
 
         Args:
             reference: the scenario's.

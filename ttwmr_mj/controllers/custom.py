@@ -15,9 +15,11 @@ class CustomOptions(ControllerOptions):
     """Your own class, from the Python path or beside the scenario file."""
 
     kind: Literal["custom"] = "custom"
-    target: str = Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="module:Class")
+    target: str = Field(
+        pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="the class, as module:Class"
+    )
     needs_reference: ClassVar[bool] = False
-    options: dict[str, Any] = Field(default={}, description="keyword arguments of the class")
+    options: dict[str, Any] = Field(default={}, description="keyword arguments passed to the class")
 
     def make(self, folder: Path) -> Controller:
         """Import the module, from the scenario's folder or the Python path; make the controller.

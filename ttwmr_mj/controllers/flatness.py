@@ -1,16 +1,17 @@
 """Dynamic feedback linearisation of the trailer's centre of oscillation F.
 
-With t = (cos θ2, sin θ2), n to its left and a hitch that adds d to θ̈2 (friction, or what the
-observer found), the equation of motion is k·θ̈2 = P''·n + k·d. Then
+With t = (cos θ2, sin θ2), n to its left, gravity g along the floor (on a slope) and d added to θ̈2
+by all else (friction, resisting balls, what the observer found), the equation of motion is
+k·θ̈2 = (P'' − g)·n + k·d. Then
 
-    F''   = a·t − k·d·n,                    a = P''·t + k·θ̇2²
+    F''   = g + a·t − k·d·n,                a = (P'' − g)·t + k·θ̇2²
     F'''  = (a' + k·d·θ̇2)·t + a·θ̇2·n                              (d slow)
     F'''' = (a'' − a·θ̇2² + k·d·θ̈2)·t + (2a'·θ̇2 + a·θ̈2 + k·d·θ̇2²)·n
 
 so that (a, a') as states of the controller and the choice
 
     θ̈2 = (s·n − 2a'·θ̇2 − k·d·θ̇2²)/a,   a'' = s·t + a·θ̇2² − k·d·θ̈2,
-    P'' = (a − k·θ̇2²)·t + k·(θ̈2 − d)·n
+    P'' = g + (a − k·θ̇2²)·t + k·(θ̈2 − d)·n
 
 make F'''' = s. With e = F − F_ref, as a complex number,
 
@@ -22,18 +23,19 @@ trailer, and so must the integral; the factor (λ + iω)⁴ undoes the chain's d
 Stability: with D = d/dt, (D + λ)⁴(D − iω)·e + κλ(λ + iω)⁴·e = 0 at constant ω. At κ = 0 its roots
 are −λ, four times, and the integral's iω, which moves to iω − κλ to first order in κ; at ω = 0 all
 are stable up to κ = 0.57. So e → 0 exponentially for small κ. λ is in proportion to the reference's
-turn rate, so that an error of some share of the reference asks for that share of its accelerations,
-slow or fast. The argument assumes that a ≠ 0 (else θ2 is
+turn rate, so that an error of a given share of the reference demands that share of its
+accelerations, slow or fast. The argument assumes that a ≠ 0 (else θ2 is
 undefined: a is kept above a share of the reference's), a period short against 1/λ, no saturated
 wheel, P' ≠ 0, and that d changes slowly. The whole state is covered: F, F', F'', F''' determine P,
 P', θ2 and θ̇2, and θ1 follows P'. There are no zero dynamics, trailer outside or inside.
 
-Where wheels are cut, P nearly stands, a is held from zero or F'' is far off for some samples in a
-row, the law does not go on pulling at the reference: it follows a way back that the servos can
-drive (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
+Where wheels saturate, P nearly stands still, a is kept from zero or F'' is far off for some samples
+in a row, the law does not keep to the reference: it follows a recovery path within the servos'
+limits (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
 circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: docs/controllers.md.
 """
 
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -52,6 +54,7 @@ from ttwmr_mj.dynamics.flatness import (
     velocity_behind,
 )
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
+from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, VISCOUS, held_back
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.feasibility import LEAST_ACCELERATION_M_S2
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -73,12 +76,13 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         path, options, nsim = task.path, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
         flat = path.flat_derivatives
-        along = acceleration_along(path)
         direction, _ = trailer_axes(path.theta2_rad[0])
         self._length = self._robot.swing_length_m
         self._wheels = AccelerationToWheels(self._robot, self._period, nsim)
         # a and a', the states of the chain
-        self._along = np.broadcast_to(along[0], (nsim,)).copy()
+        along = acceleration_along(path)
+        pull = dot(self._model.influence[GRAVITY], direction)
+        self._along = np.broadcast_to(along[0] - pull, (nsim,)).copy()
         self._along_rate = np.broadcast_to(dot(flat[0, :, 3], direction), (nsim,)).copy()
         self._sign = np.sign(along[0])
         self._least = options.least_acceleration_share * np.abs(along)
@@ -95,7 +99,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         """One sample of the law."""
         now = self._observer.update(estimate)
         theta2, rate, T, length = now.body[:, 3], now.body[:, 4], self._period, self._length
-        d = now.unexplained + self._hitch(now)
+        d, g = now.unexplained + self._hitch(now), now.influence[:, GRAVITY]
         self._change_way(k, now)
         s, error = self._fourth_derivative(k, now, d)
         t, n = trailer_axes(theta2)
@@ -106,7 +110,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         t, n = trailer_axes(theta2 + 0.5 * T * rate)
         along = a + 0.5 * T * a_rate + T * T / 6.0 * a_acceleration - length * rate**2
         across = length * (theta2_acceleration - d)
-        command = self._wheels.command(along[:, None] * t + across[:, None] * n, self._state(now))
+        wish = g + along[:, None] * t + across[:, None] * n
+        command = self._wheels.command(wish, self._state(now))
         after = self._observer.commanded(command.wheel_speed_rad_s)
         self._along = a + T * a_rate + 0.5 * T * T * a_acceleration
         self._along_rate = a_rate + T * a_acceleration
@@ -114,13 +119,22 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         self._trouble = self._trouble | held | command.saturated | command.near_singular
         share = self._options.integral_share * self._bandwidth
         self._integral = self._integral + T * share * error * ~command.saturated
-        return command
+        return replace(command, signals=self._signals(now))
 
     def _hitch(self, now: Observed) -> FloatArray:
-        """(nsim,) θ̈2 that the hitch is believed to cause: spring, damper, smoothed friction."""
-        angle = now.body[:, 3] - now.body[:, 2]
-        spring = spring_damper_acceleration(angle, self._friction.rate(now), self._robot)
-        return spring + self._friction.acceleration(now)
+        """(nsim,) θ̈2 of spring, damper, smoothed friction and resisting balls."""
+        theta2, rate = now.body[:, 3], now.body[:, 4]
+        spring = spring_damper_acceleration(
+            theta2 - now.body[:, 2], self._friction.rate(now), self._robot
+        )
+        push = spring + self._friction.acceleration(now, self._model.influence[VISCOUS])
+        if not now.influence[:, DRAG].any():
+            return push
+        t, n = trailer_axes(theta2)
+        length = self._robot.trailer.com_offset_m
+        com = velocity_behind(self._velocity(now), theta2, rate, length)
+        along, across, drag = dot(com, t), dot(com, n), now.influence[:, DRAG]
+        return push + held_back(drag, along, across, rate, self._robot) / self._length
 
     def _fourth_derivative(
         self, k: int, now: Observed, d: FloatArray
@@ -131,7 +145,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         t, n = trailer_axes(theta2)
         e = point_behind(now.body, self._length) - reference[:, 0]
         e1 = velocity_behind(self._velocity(now), theta2, rate, self._length) - reference[:, 1]
-        e2 = a[:, None] * t - kd[:, None] * n - reference[:, 2]
+        g = now.influence[:, GRAVITY]
+        e2 = g + a[:, None] * t - kd[:, None] * n - reference[:, 2]
         e3 = (self._along_rate + kd * rate)[:, None] * t + (a * rate)[:, None] * n
         e3 = e3 - reference[:, 3]
         self._trouble = np.hypot(*e2.T) > FAR * np.hypot(*reference[:, 2].T)
@@ -146,7 +161,14 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         who = self._ways.wanted(k, self._trouble)
         if not who.any():
             return
-        start = self._ways.choose(k, who, now.body[who], self._velocity(now)[who], now.wheels[who])
+        start = self._ways.choose(
+            k,
+            who,
+            now.body[who],
+            self._velocity(now)[who],
+            now.wheels[who],
+            now.influence[who, GRAVITY],
+        )
         if start is not None:
             self._along[who], self._along_rate[who] = start
 
@@ -160,7 +182,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         """
         change = self._velocity(after) - self._velocity(now)
         t, _ = trailer_axes(0.5 * (now.body[:, 3] + after.body[:, 3]))
-        possible = dot(change, t) / self._period + self._length * after.body[:, 4] ** 2
+        pull = dot(now.influence[:, GRAVITY], t)
+        possible = dot(change, t) / self._period - pull + self._length * after.body[:, 4] ** 2
         cut = command.saturated
         size = self._sign * np.where(cut, possible, self._along)
         least = self._least[k]
@@ -194,20 +217,21 @@ class FlatnessOptions(SteeringOptions):
         default=None,
         gt=0,
         le=30,
-        description="λ: all four poles of the error are near −λ; left out: 3.5 times the mean turn "
-        "rate of the reference's trailer, typically 1 to 4",
+        description="λ: all four poles of the error are near −λ; default: 3.5 times the mean "
+        "turn rate of the reference's trailer, typically 1 to 4",
     )
     integral_share: float = Field(
         default=0.15,
         ge=0,
         le=0.5,
-        description="κ: the integral of the error settles at the rate κλ",
+        description="κ: the integral of the error settles at the rate κλ; typically 0.15",
     )
     least_acceleration_share: float = Field(
         default=0.3,
         gt=0,
         le=1,
-        description="share of the reference's |F''| that the law keeps: near none θ2 is undefined",
+        description="share of the reference's |F''| below which the law does not let |F''| "
+        "fall, as θ2 is undefined where F'' = 0; typically 0.3",
     )
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:

@@ -11,8 +11,8 @@ and drives every u < 0 up to 0⁻ or down through −∞.
   V' = −(α2·e2)² − (α4·e4)², and by LaSalle's principle e → 0. Table II: poles −0.26 and −9.74 1/s.
 - "regularized": e1²·e2/(e2² + ε²). Bounded, and V' ≤ −(α2·e2)² − (α4·e4)² still; slow near the
   end, because the term fights the error's last motion.
-- "published": as printed. Where e2 is exactly 0 the term counts as 0; close to 0 it is as large as
-  it is, and the wheels saturate.
+- "published": as printed. Where e2 is exactly 0 the term counts as 0; close to 0 it is left as
+  large as it is, and the wheels saturate.
 
 Stability assumes that P obeys v, that is: no wheel saturation, no slip, and T small against α.
 Nothing here looks at the trailer.
@@ -34,7 +34,7 @@ from ttwmr_mj.state import FloatArray, RobotState
 
 
 def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovOptions) -> FloatArray:
-    """What stands for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
+    """The term used for e1²/e2 (Eq. 32), elementwise on any shape [m, m/s → m²/(m/s)]."""
     if options.singular_terms == "omitted":
         return np.zeros_like(e)
     if options.singular_terms == "regularized":
@@ -119,14 +119,25 @@ class LyapunovOptions(ControllerOptions):
 
     law = Lyapunov
     kind: Literal["lyapunov"] = "lyapunov"
-    alpha1: float = Field(default=25.0, gt=0, le=1e6, description="α1, on e1 = x − x_d")
-    alpha2: float = Field(default=10.0, gt=0, le=1e6, description="α2, on e2 = ẋ − ẋ_d")
-    alpha3: float = Field(default=25.0, gt=0, le=1e6, description="α3, on e3 = y − y_d")
-    alpha4: float = Field(default=10.0, gt=0, le=1e6, description="α4, on e4 = ẏ − ẏ_d")
+    alpha1: float = Field(
+        default=25.0, gt=0, le=1e6, description="gain α1 of the error e1 = x − x_d; Table II: 25"
+    )
+    alpha2: float = Field(
+        default=10.0, gt=0, le=1e6, description="gain α2 of the error e2 = ẋ − ẋ_d; Table II: 10"
+    )
+    alpha3: float = Field(
+        default=25.0, gt=0, le=1e6, description="gain α3 of the error e3 = y − y_d; Table II: 25"
+    )
+    alpha4: float = Field(
+        default=10.0, gt=0, le=1e6, description="gain α4 of the error e4 = ẏ − ẏ_d; Table II: 10"
+    )
     singular_terms: Literal["omitted", "regularized", "published"] = Field(
         default="omitted",
-        description="what becomes of e1²/e2 and e3²/e4, which Theorem 1 overlooks",
+        description="treatment of e1²/e2 and e3²/e4, whose singularity Theorem 1 overlooks",
     )
     regularization_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="ε of e1²·e2/(e2² + ε²), when regularized"
+        default=0.01,
+        gt=0,
+        le=10,
+        description="ε in e1²·e2/(e2² + ε²), if singular_terms is regularized; typically 0.01",
     )

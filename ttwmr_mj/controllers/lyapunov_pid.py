@@ -4,16 +4,16 @@ The tractor's law v (Eq. 32) is turned by a scalar γ (Eq. 55),
 
     v̄1 = v1 + α4·e4·γ        v̄2 = v2 − α2·e2·γ
 
-which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq. 58's sign mended,
+which cancels in V' of Eq. 50 whatever γ is. Put into Eq. 24 it gives, with Eq. 58's sign corrected,
 
     k·θ̈2 = A − D·γ,   A = −v1·sin θ2 + v2·cos θ2,   D = α4·e4·sin θ2 + α2·e2·cos θ2
 
 so γ = (A − k·w)/D makes θ̈2 = w. What the article leaves open (w, 1/D, limits, θ2d) is an option;
-the defaults are what it prints, but for `singular_terms` (`controllers.lyapunov`).
+the defaults are as printed, except for `singular_terms` (`controllers.lyapunov`).
 
-Two facts to know before use. The correction turns (e2, e4) at the rate α·γ, for α2 = α4 = α, and
-is nothing where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact
-the direction of (e2, e4) runs into D = 0, where no solution goes on (docs/errata.md).
+Two facts to know before use. The correction rotates (e2, e4) at the rate α·γ, for α2 = α4 = α, and
+is zero where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact the
+direction of (e2, e4) runs into D = 0, where the solution ends (docs/errata.md).
 """
 
 from __future__ import annotations
@@ -164,30 +164,49 @@ class LyapunovPidOptions(LyapunovOptions):
     kind: Literal["lyapunov_pid"] = "lyapunov_pid"  # type: ignore[assignment]  # the tag of another law
     correction: Literal["pid", "spring_damper"] = Field(
         default="pid",
-        description="the w wanted: PID about θ2d (Eq. 62), or Eq. 60, a spring and a damper",
+        description="the desired θ̈2: PID about θ2d (Eq. 62), or a virtual spring and damper "
+        "(Eq. 60)",
     )
     gamma: Literal["exact", "constant", "regularized"] = Field(
         default="constant",
-        description="what stands for 1/D: Eq. 48, constant ρ (Eq. 69-71), or D/(D² + ε²)",
+        description="what replaces 1/D: nothing (Eq. 48), constant ρ (Eq. 69-71), or D/(D² + ε²)",
     )
-    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69, Table II")
+    rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69; Table II: 2.5")
     gamma_regularization_m_s2: float = Field(
-        default=0.1, gt=0, le=1e3, description="ε of D/(D² + ε²), when regularized"
+        default=0.1,
+        gt=0,
+        le=1e3,
+        description="ε in D/(D² + ε²), if gamma is regularized; typically 0.1",
     )
     gamma_limit: float | None = Field(
-        default=None, gt=0, le=1e12, description="|γ| is cut to this; left out: never"
+        default=None, gt=0, le=1e12, description="largest |γ|; default: no limit"
     )
-    k_p: float = Field(default=48.0, ge=0, le=1e6, description="Table II [1/s²]")
-    k_i: float = Field(default=64.0, ge=0, le=1e6, description="Table II [1/s³]")
-    k_d: float = Field(default=12.0, ge=0, le=1e6, description="Table II [1/s]")
-    k_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual spring of Eq. 60")
-    c_t: float = Field(default=200.0, ge=0, le=1e6, description="virtual damper of Eq. 60")
+    k_p: float = Field(
+        default=48.0, ge=0, le=1e6, description="proportional gain [1/s²]; Table II: 48"
+    )
+    k_i: float = Field(default=64.0, ge=0, le=1e6, description="integral gain [1/s³]; Table II: 64")
+    k_d: float = Field(
+        default=12.0, ge=0, le=1e6, description="derivative gain [1/s]; Table II: 12"
+    )
+    k_t: float = Field(
+        default=200.0,
+        ge=0,
+        le=1e6,
+        description="stiffness of the virtual spring of Eq. 60; Table II: 200",
+    )
+    c_t: float = Field(
+        default=200.0,
+        ge=0,
+        le=1e6,
+        description="coefficient of the virtual damper of Eq. 60; Table II: 200",
+    )
     theta2_reference: Literal["reference", "tractor"] = Field(
-        default="reference", description="θ2d: the reference's θ2, or the tractor's θ1 and its rate"
+        default="reference",
+        description="θ2d: the reference's θ2, or the tractor's θ1 with its rate",
     )
     anti_windup: Literal["none", "conditional"] = Field(
         default="none",
-        description="conditional: the integral holds while γ is cut or a wheel saturates",
+        description="conditional: the integral is held while γ is limited or a wheel saturates",
     )
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:

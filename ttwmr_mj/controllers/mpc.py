@@ -1,13 +1,13 @@
-"""Model predictive control: the coming second, optimised anew every period.
+"""Model predictive control: the next second, optimised again every period.
 
 Minimises the stage cost of `tracking_problem` over a horizon on the sampled nonlinear model, from
-the observer's state and with its disturbances taken to last, under the servos' limits and with the
-hitch's dry friction, smoothed, in the model. The cost beyond the horizon is the cost to go of the
+the observer's state and with its disturbances assumed to last, under the servos' limits and with
+the hitch's dry friction, smoothed, in the model. The terminal cost is the cost-to-go of the
 time-varying LQR about the reference.
 
 Every period: linearise along the last plan, make one Gauss-Newton step by the Riccati recursion,
-roll its policy out from where the robot really is, for a few lengths of the step and with commands
-cut to the servos' limits, and keep the best. One step a period suffices, as the plan is
+roll its policy out from the estimated state, for a few lengths of the step and with commands
+limited to what the servos can do, and keep the best. One step per period suffices, as the plan is
 warm-started and the error of one period is small.
 
 Stability: locally, in the classical way. The final cost is a Lyapunov function of the linearised
@@ -20,9 +20,9 @@ the scale of one step: a hitch that sticks ends where friction lets go of the er
 reference there is no proof, but the nonlinear model and the limits are in the plan, which is what a
 linear law lacks.
 
-Time: a command that takes longer than a period comes too late on a real robot. The run counts such
-overruns (`control_overruns` in metrics.json); the command is used all the same, so that results do
-not depend on the machine's load.
+Time: a command that takes longer than a period comes too late on a real robot. The run counts these
+deadline misses (`control_overruns` in metrics.json); the command is used all the same, so that
+results do not depend on the machine's load.
 """
 
 from typing import Literal
@@ -33,10 +33,11 @@ from pydantic import Field
 from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.controllers.shared.gauss_newton import Rollout, fit, improved, lqr
 from ttwmr_mj.controllers.shared.observer import Observed
+from ttwmr_mj.controllers.shared.planning import PlanningLaw
 from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.steering import SteeringLaw
 from ttwmr_mj.controllers.shared.tracking_problem import Target, TrackingProblem
 from ttwmr_mj.controllers.tvlqr import TvlqrOptions
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, unwrap_near
 
@@ -46,27 +47,33 @@ STEP_LENGTHS = np.array([1.0, 0.4, 0.1, 0.0])
 PREDICTION_SUBSTEP_S = 0.017  # two in 33 ms: three quarters of the time of four, no start lost
 
 
-class Mpc(SteeringLaw["MpcOptions"]):
+class Mpc(PlanningLaw["MpcOptions"]):
     """Real-time Gauss-Newton over a receding horizon."""
 
     def start(self, task: Task) -> None:
         """Fit the reference and compute its cost to go."""
         super().start(task)
-        options, T = self._options, self._period
-        smooth = self._friction.planning(T, PREDICTION_SUBSTEP_S)
-        self._problem = TrackingProblem(self._robot, smooth, options.weights)
-        state, command = fit(self._problem, self._problem.target(task.path))
-        self._target = Target(state, command, self._problem.centre(state))
-        self._lqr = lqr(self._problem, state, command, options.decay(T))
-        self._plan: Rollout | None = None
+        smooth = self._friction.planning(self._period, PREDICTION_SUBSTEP_S)
+        weights, learns = self._options.weights, self._learns
+        self._problem = TrackingProblem(self._robot, smooth, weights, learns=learns)
+        self._horizon: Rollout | None = None
+        self._plan(task.path)
+
+    def _plan(self, path: ReferencePath, passes: int = 0) -> None:
+        problem = self._problem
+        state, command = fit(problem, problem.target(path), self._planned, passes)
+        self._target = Target(state, command, problem.centre(state))
+        decay = self._options.decay(self._period, problem.lasting)
+        self._lqr = lqr(problem, state, command, decay, self._planned)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The first command of the improved plan."""
         now = self._observer.update(estimate)
-        disturbance = np.column_stack([now.slip, now.unexplained])
+        k = self._since_plan(k, now)
+        disturbance = self._disturbance(now)
         end = min(k + self._options.horizon_samples, len(self._target.command))
         state, command = self._continued(k, end, disturbance)
-        self._plan = improved(
+        self._horizon = improved(
             self._problem,
             state,
             command,
@@ -74,10 +81,11 @@ class Mpc(SteeringLaw["MpcOptions"]):
             self._lqr.cost[end],
             start=self._on_the_branch(k, now),
             disturbance=disturbance,
+            planned=self._planned,
             lengths=STEP_LENGTHS,
             cut=True,
         )
-        return self._possible(self._plan.command[0], now)
+        return self._possible(self._horizon.command[0], now)
 
     def _on_the_branch(self, k: int, now: Observed) -> FloatArray:
         """(nsim, 7) the state, its angles within half a turn of the reference's."""
@@ -92,14 +100,15 @@ class Mpc(SteeringLaw["MpcOptions"]):
 
         The first plan of a run continues the reference.
         """
-        if self._plan is None:
+        if self._horizon is None:
             state, command, _ = self._target.between(k, end)
             each = np.zeros((self._nsim, 1))  # one for every simulation
             return state + each, command + each
-        state, command = self._plan.state[1:], self._plan.command[1:]
+        state, command = self._horizon.state[1:], self._horizon.command[1:]
         if k + len(command) < end:
             last = end - 1
-            miss = np.concatenate([state[-1] - self._target.state[last], disturbance], axis=1)
+            beside = (disturbance - self._planned)[:, : self._problem.lasting]
+            miss = np.concatenate([state[-1] - self._target.state[last], beside], axis=1)
             wish = self._target.command[last] + apply(self._lqr.gain[last], miss)
             wish = self._problem.within_limits(state[-1], wish)
             after = self._problem.next_state(state[-1], wish, disturbance)
@@ -109,10 +118,13 @@ class Mpc(SteeringLaw["MpcOptions"]):
 
 
 class MpcOptions(TvlqrOptions):
-    """Model predictive control; steers the trailer, recovers from far."""
+    """Model predictive control; steers the trailer, even from large errors."""
 
     law = Mpc
     kind: Literal["mpc"] = "mpc"  # type: ignore[assignment]  # the tag of another law
     horizon_samples: int = Field(
-        default=30, ge=2, le=60, description="control periods ahead; a second is typical"
+        default=30,
+        ge=2,
+        le=60,
+        description="prediction horizon in control periods; typically one second, 30",
     )

@@ -13,11 +13,21 @@ from ttwmr_mj.sensing import Estimate
 class WheelSegment(Config):
     """Constant wheel speeds for a while."""
 
-    duration_s: float = Field(gt=0, le=3600, description="typically 1 to 10")
-    wheel_right_rad_s: float = Field(
-        ge=-1e3, le=1e3, description="positive: forward; a lab servo reaches 6.5, a fast one 40"
+    duration_s: float = Field(
+        gt=0, le=3600, description="duration of the segment; typically 1 to 10"
     )
-    wheel_left_rad_s: float = Field(ge=-1e3, le=1e3, description="as wheel_right_rad_s")
+    wheel_right_rad_s: float = Field(
+        ge=-1e3,
+        le=1e3,
+        description="speed of the right wheel, positive forward; a lab servo reaches 6.5, a "
+        "fast one 40",
+    )
+    wheel_left_rad_s: float = Field(
+        ge=-1e3,
+        le=1e3,
+        description="speed of the left wheel, positive forward; a lab servo reaches 6.5, a "
+        "fast one 40",
+    )
 
 
 class OpenLoop(Law["OpenLoopOptions"]):
@@ -53,5 +63,5 @@ class OpenLoopOptions(ControllerOptions):
     kind: Literal["open_loop"] = "open_loop"
     needs_reference: ClassVar[bool] = False
     segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)] = Field(
-        description="one after the other"
+        description="the segments, driven one after the other"
     )

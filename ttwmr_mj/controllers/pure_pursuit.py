@@ -1,8 +1,8 @@
 """Pure pursuit: drive on the arc that leads to a point of the reference a little ahead in time.
 
 The arc from P, tangent to the heading, through a point (a, b) of the tractor's frame, ahead and to
-the left, has the curvature κ = 2b/(a² + b²). The speed is that of the reference at the aim, and
-what closes the distance along the heading to where the reference is now:
+the left, has the curvature κ = 2b/(a² + b²). The speed is that of the reference at the target
+point, plus a term in the distance along the heading to where the reference is now:
 
     u1 = |v_aim| + g·d,    u2 = κ·u1.
 
@@ -51,13 +51,20 @@ class PurePursuit(Law["PurePursuitOptions"]):
 
 
 class PurePursuitOptions(ControllerOptions):
-    """Drives towards a point ahead on the reference; blind to the trailer."""
+    """Drives towards a point ahead on the reference; ignores the trailer."""
 
     law = PurePursuit
     kind: Literal["pure_pursuit"] = "pure_pursuit"
     preview_s: float = Field(
-        default=0.5, gt=0, le=2, description="how far ahead in time the aim is, typically 0.3 to 1"
+        default=0.5,
+        gt=0,
+        le=2,
+        description="how far ahead on the reference, in time, the target point is; typically "
+        "0.3 to 1",
     )
     gain_1_s: float = Field(
-        default=1.0, ge=0, le=100, description="g: speed per distance along the heading"
+        default=1.0,
+        ge=0,
+        le=100,
+        description="g: speed per distance along the heading; typically 1",
     )

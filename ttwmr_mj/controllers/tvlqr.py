@@ -17,7 +17,7 @@ turns; at standstill it is not (a robot that stands cannot correct its position 
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
 locally, while no servo saturates and the model is right between samples. Dry friction that the
 robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
-What lies outside is not caught: the gains go on pulling at the reference (`mpc` looks for a way).
+Outside that region it does not recover: the gains stay the same (`mpc` plans its way back).
 """
 
 from typing import Any, ClassVar, Literal
@@ -27,10 +27,12 @@ from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Law, Task, undefined_theta2
 from ttwmr_mj.controllers.shared.gauss_newton import fit, lqr
-from ttwmr_mj.controllers.shared.observer import Observed
+from ttwmr_mj.controllers.shared.planning import PlanningLaw
 from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
+from ttwmr_mj.controllers.shared.steering import SteeringOptions
+from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem, TrackingWeights
+from ttwmr_mj.dynamics.influence import DRY, VISCOUS
+from ttwmr_mj.dynamics.sampled import SLIP
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference
@@ -38,32 +40,41 @@ from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, wrap
 
 
-class Tvlqr(SteeringLaw["TvlqrOptions"]):
+class Tvlqr(PlanningLaw["TvlqrOptions"]):
     """Precomputed gains on the observer's state."""
 
     def start(self, task: Task) -> None:
         """Fit the reference and compute the gains."""
         super().start(task)
-        options, T = self._options, self._period
-        smooth = TrackingProblem(self._robot, self._friction.planning(T), options.weights)
-        self._state, self._command = fit(smooth, smooth.target(task.path))
-        free = TrackingProblem(self._robot, self._friction.free(T), options.weights)
-        self._gain = lqr(free, self._state, self._command, options.decay(T)).gain
-        self._rubbing = self._friction.acceleration_along(self._state)
+        robot, weights, learns = self._robot, self._options.weights, self._learns
+        smooth, free = self._friction.planning(self._period), self._friction.free(self._period)
+        self._smooth = TrackingProblem(robot, smooth, weights, learns=learns)
+        self._free = TrackingProblem(robot, free, weights, learns=learns)
+        self._plan(task.path)
+
+    def _plan(self, path: ReferencePath, passes: int = 0) -> None:
+        self._state, self._command = fit(
+            self._smooth, self._smooth.target(path), self._planned, passes
+        )
+        without = self._planned.copy()
+        without[:, UNKNOWN + DRY : UNKNOWN + VISCOUS] = 0.0
+        decay = self._options.decay(self._period, self._free.lasting)
+        self._gain = lqr(self._free, self._state, self._command, decay, without).gain
+        influence = self._influence_planned
+        self._rubbing = self._friction.acceleration_along(self._state, influence)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """ū + K·(x − x̄), within the servos' limits."""
         now = self._observer.update(estimate)
-        rubbing = self._friction.acceleration(now) - self._rubbing[k]
-        miss = error(now, self._state[k], now.unexplained + rubbing)
+        k = self._since_plan(k, now)
+        viscous = self._influence_planned[:, VISCOUS]
+        rubbing = self._friction.acceleration(now, viscous) - self._rubbing[k]
+        miss = np.concatenate([now.body, now.wheels], axis=1) - self._state[k]
+        miss[:, 2:4] = wrap(miss[:, 2:4])
+        beside = self._disturbance(now) - self._planned
+        beside[:, SLIP] += rubbing
+        miss = np.concatenate([miss, beside[:, : self._free.lasting]], axis=1)
         return self._possible(self._command[k] + apply(self._gain[k], miss), now)
-
-
-def error(now: Observed, aim: FloatArray, extra: FloatArray) -> FloatArray:
-    """(nsim, 11) state minus the aim (batch, 7), angles on the circle, slip and an extra θ̈2."""
-    miss = np.concatenate([now.body, now.wheels], axis=1) - aim
-    miss[:, 2:4] = wrap(miss[:, 2:4])
-    return np.concatenate([miss, now.slip, extra[:, None]], axis=1)
 
 
 class TvlqrOptions(SteeringOptions):
@@ -76,12 +87,15 @@ class TvlqrOptions(SteeringOptions):
         default=10.0,
         gt=0,
         le=1e4,
-        description="how long slip and an unexplained θ̈2 are taken to last",
+        description="time constant with which slip and an unexplained θ̈2 are assumed to "
+        "decay; typically 10",
     )
 
-    def decay(self, period_s: float) -> float:
-        """The factor by which a disturbance falls in a period."""
-        return float(np.exp(-period_s / self.disturbance_time_s))
+    def decay(self, period_s: float, lasting: int) -> FloatArray:
+        """(lasting,) factors by which disturbances fall in a period; what is learned lasts."""
+        factors = np.ones(lasting)
+        factors[:UNKNOWN] = np.exp(-period_s / self.disturbance_time_s)
+        return factors
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
         """Steering the trailer needs θ2 everywhere."""

@@ -12,6 +12,8 @@ the trailer; integrated by parts it becomes a kick κ of θ̇2, and the state is
   they push back. It points outward.
 - A ball that rolls resists acceleration with 2/5 of its mass, at its place on the floor, and its
   motion with δ/ρ of its load.
+- On a slope, gravity's pull along the floor is taken off the accelerations where these stand for
+  forces. It causes no side slip, which is the contacts' lag behind a turning wheel.
 
 The state is x, y, θ1, θ2 and the swing rate.
 
@@ -27,7 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.dynamics.ground import LEVEL, Ground, Pull
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
@@ -45,36 +47,54 @@ STATES = 5  # x, y, θ1, θ2, swing rate
 class ExtendedParameters(Config):
     """What the extended model has beyond Table I, or instead of it. SI units."""
 
-    wheel_radius_m: float = Field(gt=0, le=1, description="effective; Table I: 0.026")
-    track_width_m: float = Field(gt=0, le=10, description="effective; Table I: 0.119")
+    wheel_radius_m: float = Field(gt=0, le=1, description="effective wheel radius; Table I: 0.026")
+    track_width_m: float = Field(
+        gt=0, le=10, description="effective distance between the wheels; Table I: 0.119"
+    )
     servo_time_constant_s: float = Field(
-        default=0.0, ge=0, le=10, description="of the speed loop without load; about 2e-5"
+        default=0.0,
+        ge=0,
+        le=10,
+        description="time constant of the speed loop without load; typically 2e-5",
     )
     slip_time_s: float = Field(
-        default=0.0, ge=0, le=10, description="side slip of P per centripetal acceleration; 7e-4"
+        default=0.0,
+        ge=0,
+        le=10,
+        description="side slip of P per centripetal acceleration; typically 7e-4",
     )
     hitch_damping_n_m_s_rad: float = Field(
-        default=0.0, ge=0, le=1e4, description="damper and viscous friction; about 1e-3"
+        default=0.0,
+        ge=0,
+        le=1e4,
+        description="coefficient of the hitch's damper and viscous friction; typically 1e-3",
     )
     hitch_coulomb_friction_n_m: float = Field(
-        default=0.0, ge=0, le=1e3, description="dry friction of the hitch; below 1e-3"
+        default=0.0,
+        ge=0,
+        le=1e3,
+        description="torque of the hitch's dry friction; typically below 1e-3",
     )
     caster_mass_kg: float = Field(
-        default=0.0, ge=0, le=10, description="of one rolling ball; about 1e-3"
+        default=0.0, ge=0, le=10, description="mass of one rolling ball; typically 1e-3"
     )
     rolling_resistance_m: float = Field(
-        default=0.0, ge=0, le=0.1, description="of a ball: resisting torque per load; below 1e-4"
+        default=0.0,
+        ge=0,
+        le=0.1,
+        description="resisting torque of a ball per normal force; typically below 1e-4",
     )
     physics_step_s: float = Field(
         default=0.0005,
         ge=0,
         le=0.01,
-        description="of the contact physics that was fitted: the wheels lead a ramp by half of it",
+        description="physics step of the contact physics it was fitted to: the wheels lead a "
+        "ramp by half of it; typically 5e-4",
     )
 
     @classmethod
     def expected(cls, robot: RobotParameters) -> ExtendedParameters:
-        """What the robot's own numbers lead to expect; of side slip they say nothing."""
+        """What the robot's own parameters lead one to expect; they do not determine side slip."""
         return cls(
             wheel_radius_m=robot.tractor.wheel_radius_m,
             track_width_m=robot.tractor.track_width_m,
@@ -95,6 +115,7 @@ class _Motion(NamedTuple):
     u2_rate: FloatArray
     hitch: FloatArray  # θ2 − θ1
     theta2_rate: FloatArray
+    pull: Pull  # of gravity, seen from the tractor
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,11 +125,15 @@ class ExtendedModel:
     robot: RobotParameters  # Table I, spring, geometry of the balls
     values: dict[str, Value]  # parameter name of `ExtendedParameters` → number or (nsim,)
     physics_step_s: float  # the one parameter that is the same for all simulations
+    ground: Ground = LEVEL
 
     @classmethod
-    def of(cls, robot: RobotParameters, parameters: ExtendedParameters) -> ExtendedModel:
-        """The model with one set of parameters."""
-        return cls(robot, dict(parameters.model_dump()), parameters.physics_step_s)
+    def of(
+        cls, robot: RobotParameters, parameters: ExtendedParameters, ground: Ground | None = None
+    ) -> ExtendedModel:
+        """The model with one set of parameters, on level floor where no ground is given."""
+        values = dict(parameters.model_dump())
+        return cls(robot, values, parameters.physics_step_s, ground or LEVEL)
 
     @property
     def swing_inertia_kg_m2(self) -> Value:
@@ -130,7 +155,8 @@ class ExtendedModel:
         _, _, theta1, theta2, swing_rate = state
         hitch = theta2 - theta1
         # once with the ideal speeds for the forces, once with what these leave of them
-        ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate)
+        pull = self.ground.pull(theta1)
+        ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate, pull)
         push = self._push(ideal, self._theta2_acceleration(ideal))
         u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
         reach = self._tail / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
@@ -207,11 +233,12 @@ class ExtendedModel:
 
     def _theta2_acceleration(self, motion: _Motion) -> FloatArray:
         """θ̈2 (Eq. 17) under spring, damper and rolling balls."""
-        u1, u2, u1_rate, u2_rate, hitch, _ = motion
+        u1, u2, u1_rate, u2_rate, hitch, _, pull = motion
         slip = self.values["slip_time_s"]
         ahead = u1_rate + slip * u1 * u2**2
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
         torque = self._tail * sideways(hitch, ahead, left)
+        torque -= first_moments(self.robot)[1] * sideways(hitch, *pull)
         torque += self._hitch_torque(motion) + self._rolling_torque(motion, -slip * u1 * u2)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
@@ -224,26 +251,27 @@ class ExtendedModel:
         for side in (-spacing, spacing):
             ahead, left = _direction(along - side * motion.theta2_rate, across)
             torque += length * left + side * ahead
-        load = 0.5 * self.robot.trailer.mass_kg * GRAVITY_M_S2
+        load = 0.5 * self.robot.trailer.mass_kg * self.ground.normal_gravity_m_s2
         return np.asarray(self._drag * load * torque)
 
     def _push(self, motion: _Motion, swing: FloatArray) -> FloatArray:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
-        u1, u2, u1_rate, u2_rate, hitch, theta2_rate = motion
+        u1, u2, u1_rate, u2_rate, hitch, theta2_rate, pull = motion
         tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
         nose, tail = first_moments(self.robot)
         cos, sin = np.cos(hitch), np.sin(hitch)
-        force = (tractor.mass_kg + trailer.mass_kg) * u1_rate - nose * u2**2
+        force = (tractor.mass_kg + trailer.mass_kg) * (u1_rate - pull.ahead) - nose * u2**2
         force += tail * (sin * swing + cos * theta2_rate**2)
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
-        torque = yaw * u2_rate + nose * u1 * u2 + self._hitch_torque(motion)
+        torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + self._hitch_torque(motion)
         # rolling resistance of the nose's ball, and of the trailer's as far as it drags P along
-        drag = self._drag * nose / casters.tractor_position_m * GRAVITY_M_S2
+        weight = self.ground.normal_gravity_m_s2
+        drag = self._drag * nose / casters.tractor_position_m * weight
         ahead, aside = _direction(u1, casters.tractor_position_m * u2)
         force += drag * ahead
         torque += drag * casters.tractor_position_m * aside
         along, across = _direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
-        force += self._drag * trailer.mass_kg * GRAVITY_M_S2 * (along * cos + across * sin)
+        force += self._drag * trailer.mass_kg * weight * (along * cos + across * sin)
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
 

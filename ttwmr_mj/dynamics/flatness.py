@@ -58,8 +58,10 @@ def motion_from_flat(
     Returns:
         the motion, as far as the derivatives reach.
     """
-    points = np.moveaxis(_complex(flat), -1, 0)
-    pulled = points[2:] if pull is None else points[2:] - np.moveaxis(_complex(pull), -1, 0)
+    given = _complex(flat)
+    points = np.moveaxis(given, -1, 0)
+    bent = given[..., 2:] if pull is None else given[..., 2:] - _complex(pull)
+    pulled = np.moveaxis(bent, -1, 0)
     trailer = _logarithm(sign * pulled)
     theta2 = trailer.imag
     direction = _turning(theta2)

@@ -5,14 +5,23 @@ the floor and g·sin(slope) pulls along it, downhill.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.dynamics.kinematics import to_body
 from ttwmr_mj.robot import Config
 from ttwmr_mj.state import FloatArray
 
 GRAVITY_M_S2 = 9.81  # standard gravity, as in MuJoCo
+
+
+class Pull(NamedTuple):
+    """Gravity's pull along the floor, seen from a heading [m/s²]."""
+
+    ahead: FloatArray
+    left: FloatArray
 
 
 class Ground(Config):
@@ -31,7 +40,15 @@ class Ground(Config):
         pull = GRAVITY_M_S2 * math.sin(self.slope_rad)
         return pull * np.array([math.cos(self.downhill_rad), math.sin(self.downhill_rad)])
 
+    def pull(self, heading_rad: FloatArray) -> Pull:
+        """g_p ahead and to the left of a heading of any shape."""
+        x, y = self.gravity_m_s2
+        return Pull(*to_body(heading_rad, x, y))
+
     @property
     def normal_gravity_m_s2(self) -> float:
         """What of gravity presses on the floor."""
         return GRAVITY_M_S2 * math.cos(self.slope_rad)
+
+
+LEVEL = Ground()

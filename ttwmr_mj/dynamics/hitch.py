@@ -40,7 +40,7 @@ def published_spring_acceleration(
 def rub(hitch_rate_rad_s: FloatArray, impulse_rad_s: FloatArray | float) -> FloatArray:
     """The hitch's rate after dry friction that could change it by so much: nearer to rest.
 
-    Friction stops the hitch where it can, and never turns it round.
+    Friction stops the hitch where it can, and never reverses its motion.
     """
     left = np.maximum(np.abs(hitch_rate_rad_s) - impulse_rad_s, 0.0)
     return np.asarray(np.copysign(left, hitch_rate_rad_s))

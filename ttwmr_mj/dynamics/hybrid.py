@@ -1,4 +1,4 @@
-"""Hybrid model (Eq. 24-29): a tractor that obeys, a trailer that swings.
+"""Hybrid model (Eq. 24-29): a tractor with prescribed motion, a trailer that swings.
 
 All functions work over any leading axes, world frame, SI units. The state of Eq. 25 is
 z = (x, ẋ, y, ẏ, θ2, θ̇2) (..., 6); its input v = (ẍ, ÿ) (..., 2) is the acceleration of P
@@ -21,7 +21,8 @@ def trailer_acceleration(
     """θ̈2 = (−ẍ sin θ2 + ÿ cos θ2)/k + T/(J2 + m2·l²) (Eq. 24, and Eq. 17 with a hitch torque).
 
     Any frame will do, as long as angle and acceleration are of the same: in the tractor's, θ2 − θ1
-    goes with (u̇1, u1·u2). θ2 and the result are (...) [rad, rad/s²].
+    goes with (u̇1, u1·u2). θ2 and the result are (...) [rad, rad/s²]. On a slope, gravity's pull
+    along the floor is taken off the acceleration: v − g_p stands for v.
     """
     pull = sideways(theta2_rad, acceleration_m_s2[..., 0], acceleration_m_s2[..., 1])
     return np.asarray(pull / robot.swing_length_m + hitch_torque_n_m / robot.swing_inertia_kg_m2)

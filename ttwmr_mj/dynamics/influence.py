@@ -2,11 +2,11 @@
 
 Five numbers, the same for a controller that knows them and for one that has to find them out:
 
-    k·θ̈2 = (P'' − g_p)·n + c·v̂·n + k·(friction's θ̈2)
+    k·θ̈2 = (P'' − g_p)·n + c·½Σ(v̂·n ± (s/l)·v̂·t) + k·(friction's θ̈2)
 
-g_p is gravity along the floor (`ground`). Balls of radius ρ that resist with the lever δ hold the
-trailer back with c = g·δ/ρ per mass, against the velocity v of its COM: c acts like gravity along
-−v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
+g_p is gravity along the floor (`ground`). Two balls of radius ρ, s to either side of the COM, that
+resist with the lever δ hold the trailer back with c = g·δ/ρ per mass, each against its velocity v:
+nearly as if gravity pulled along −v̂. The hitch's dry and viscous friction act against θ̇2 − θ̇1.
 """
 
 import numpy as np
@@ -29,7 +29,26 @@ def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
     return np.array([*ground.gravity_m_s2, drag, *friction])
 
 
-def held_back(drag_m_s2: FloatArray, along_m_s: FloatArray, across_m_s: FloatArray) -> FloatArray:
-    """(...) c·v̂·n [m/s²] of a COM that moves along and across its trailer at these speeds."""
-    speed = np.sqrt(along_m_s**2 + across_m_s**2 + FADING_M_S**2)
-    return np.asarray(drag_m_s2 * across_m_s / speed)
+def held_back(
+    drag_m_s2: FloatArray,
+    along_m_s: FloatArray,
+    across_m_s: FloatArray,
+    turn_rad_s: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """(...) what resisting balls add to k·θ̈2 [m/s²].
+
+    Args:
+        drag_m_s2: c.
+        along_m_s: velocity of the trailer's COM along the trailer.
+        across_m_s: the same to its left.
+        turn_rad_s: θ̇2.
+        robot: where the balls are: on either side of the COM.
+    """
+    spacing = robot.casters.trailer_half_spacing_m
+    lever, total = spacing / robot.trailer.com_offset_m, np.zeros(())
+    for side in (-1.0, 1.0):
+        ahead = along_m_s - side * spacing * turn_rad_s
+        speed = np.sqrt(ahead**2 + across_m_s**2 + FADING_M_S**2)
+        total = total + (across_m_s + side * lever * ahead) / speed
+    return np.asarray(0.5 * drag_m_s2 * total)

@@ -103,7 +103,7 @@ def to_world(
     return cos * ahead - sin * left, sin * ahead + cos * left
 
 
-def to_body(heading_rad: FloatArray, x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
+def to_body(heading_rad: FloatArray, x: Value, y: Value) -> tuple[FloatArray, FloatArray]:
     """The inverse of `to_world`: the parts of (x, y) ahead and to the left of a heading."""
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     return cos * x + sin * y, cos * y - sin * x

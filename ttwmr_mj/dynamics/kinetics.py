@@ -6,7 +6,8 @@ not ẍ, and the second and third bias terms miss the factor ṡ. `reduced_bias`
 
 Generalized forces: f pushes P along the heading, τ turns the tractor, λ acts along Aᵀ (Eq. 18,
 positive to the tractor's right; Eq. 11 has the opposite sign of λ). A hitch torque T turns the
-trailer by +T and the tractor by −T.
+trailer by +T and the tractor by −T. On a floor that slopes, gravity adds G(q) to the left side of
+Eq. 18.
 
 All functions work over any leading axes, SI units. Everywhere, q and q_rate (..., 4) are the
 generalized coordinates and their rates, workspace_rate (..., 3) is ξ̇ = (ṡ, θ̇1, θ̇2), and robot
@@ -15,7 +16,7 @@ gives masses, inertias and offsets of Table I.
 
 import numpy as np
 
-from ttwmr_mj.dynamics.kinematics import constraint_matrix, null_space, null_space_rate
+from ttwmr_mj.dynamics.kinematics import constraint_matrix, null_space, null_space_rate, to_body
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
@@ -55,6 +56,22 @@ def bias(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArra
     V[..., 0] = backward * np.cos(theta2) - forward * np.cos(theta1)
     V[..., 1] = backward * np.sin(theta2) - forward * np.sin(theta1)
     return V
+
+
+def gravity(q: FloatArray, gravity_m_s2: FloatArray, robot: RobotParameters) -> FloatArray:
+    """G(q) of the nomenclature, (..., 4) [N, N, N·m, N·m]: the gradient of −Σ m·g_p·r, r the COMs.
+
+    The pull g_p along the floor is (..., 2), world frame. Beside Eq. 18's V it stands on the left:
+    M·q̈ + V + G.
+    """
+    nose, tail = first_moments(robot)
+    x, y = np.moveaxis(np.asarray(gravity_m_s2), -1, 0)
+    G = np.zeros_like(q)
+    mass = robot.tractor.mass_kg + robot.trailer.mass_kg
+    G[..., 0], G[..., 1] = -mass * x, -mass * y
+    G[..., 2] = -nose * to_body(q[..., THETA1], x, y)[1]
+    G[..., 3] = tail * to_body(q[..., THETA2], x, y)[1]
+    return G
 
 
 def input_matrix(q: FloatArray) -> FloatArray:
@@ -102,13 +119,16 @@ def forward_acceleration(
     force: FloatArray,
     hitch_torque_n_m: FloatArray | float,
     robot: RobotParameters,
+    gravity_m_s2: FloatArray | None = None,
 ) -> FloatArray:
     """Accelerations (s̈, θ̈1, θ̈2) (..., 3) under forces: Eq. 23 (derived form) solved for ξ̈.
 
     The force (..., 2) is f [N] and τ [N·m]; the hitch torque (...) acts on the trailer, its
-    opposite on the tractor.
+    opposite on the tractor. Gravity (2,) pulls along the floor; None: it is level.
     """
     load = -reduced_bias(q, workspace_rate, robot)
+    if gravity_m_s2 is not None:
+        load -= np.einsum("...ji,...j", null_space(q), gravity(q, gravity_m_s2, robot))
     load[..., :2] += force
     load[..., 1] -= hitch_torque_n_m
     load[..., 2] += hitch_torque_n_m
@@ -121,10 +141,11 @@ def lateral_force(
     workspace_rate: FloatArray,
     workspace_acceleration: FloatArray,
     robot: RobotParameters,
+    gravity_m_s2: FloatArray | None = None,
 ) -> FloatArray:
     """λ of Eq. 18: what keeps the wheels from slipping sideways.
 
-    A·(M·q̈ + V) with q̈ = S·ξ̈ + Ṡ·ξ̇ (Eq. 21), ξ̈ = (s̈, θ̈1, θ̈2) (..., 3); f, τ and the hitch
+    A·(M·q̈ + V + G) with q̈ = S·ξ̈ + Ṡ·ξ̇ (Eq. 21), ξ̈ = (s̈, θ̈1, θ̈2) (..., 3); f, τ and the hitch
     torque have no part along A. The force (...) is of the floor on both wheels together, positive
     to the tractor's right [N].
     """
@@ -133,10 +154,10 @@ def lateral_force(
     q_acceleration = np.einsum("...ij,...j", S, workspace_acceleration) + np.einsum(
         "...ij,...j", null_space_rate(q, q_rate), workspace_rate
     )
-    inertial = np.einsum("...ij,...j", mass_matrix(q, robot), q_acceleration)
-    return np.asarray(
-        np.einsum("...i,...i", constraint_matrix(q)[..., 0, :], inertial + bias(q, q_rate, robot))
-    )
+    load = np.einsum("...ij,...j", mass_matrix(q, robot), q_acceleration) + bias(q, q_rate, robot)
+    if gravity_m_s2 is not None:
+        load = load + gravity(q, gravity_m_s2, robot)
+    return np.asarray(np.einsum("...i,...i", constraint_matrix(q)[..., 0, :], load))
 
 
 def _yaw_inertia(robot: RobotParameters) -> float:

@@ -9,7 +9,7 @@ A disturbance is what the model does not explain: slip of P and of the heading, 
 acts on the trailer beside that (`dynamics.influence`) is known with the robot and its floor, or
 given to `advance` by who has found it out.
 
-Dry friction sticks where it can. Who differentiates the model asks for a smooth one instead: with
+Dry friction sticks where it can. To differentiate the model, use a smooth one instead: with
 `smoothing_rad_s` = ε, friction at a hitch rate s is s/√(s² + ε²) of its full size.
 
 The wheels' angles and the heading are exact at the substeps' ends. The swing is integrated by
@@ -59,7 +59,7 @@ class SampledModel:
         self.speed_limit_rad_s = servo.speed_limit_rad_s
         self._radius, self._track = robot.tractor.wheel_radius_m, robot.tractor.track_width_m
         self._length = robot.swing_length_m
-        self._com = robot.trailer.com_offset_m
+        self._robot = robot
         self._stiffness = robot.hitch.stiffness_n_m_rad / robot.swing_inertia_kg_m2  # [1/s²]
         self.influence = influence_of(robot, ground or Ground())
         self._smoothing = smoothing_rad_s
@@ -115,8 +115,8 @@ class SampledModel:
                 kick = kick - step * sideways(theta2, gx, gy)
             if resisted:
                 along, across = to_body(theta2, new_vx, new_vy)
-                across = across - self._com * rate
-                kick = kick + step * held_back(acting[..., DRAG], along, across)
+                across = across - self._robot.trailer.com_offset_m * rate
+                kick = kick + step * held_back(acting[..., DRAG], along, across, rate, self._robot)
             rate = rate + kick / self._length + step * unexplained
             rate = self._hitch(rate, theta2 - middle, turn, step, acting)
             theta2 = theta2 + 0.5 * step * rate
@@ -129,7 +129,7 @@ class SampledModel:
         return np.stack(to_world(body[..., 2], speed, slip[..., 1]), axis=-1)
 
     def within_limits(self, wheels: FloatArray, wish: FloatArray) -> FloatArray:
-        """(..., 2) the wish, cut to what the servos reach in one period from these setpoints."""
+        """(..., 2) desired speeds, clipped to what the servos reach in one period from `wheels`."""
         limit = self.speed_limit_rad_s
         low = np.maximum(wheels - self.reach_rad_s, -limit)
         high = np.minimum(wheels + self.reach_rad_s, limit)

@@ -48,9 +48,9 @@ def write(name: str, plan: Plan, folder: Path) -> Path:
 def main() -> None:
     """Solve and write."""
     parser = argparse.ArgumentParser(prog="python -m ttwmr_mj.planning", description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"of {', '.join(PLANS)}; none: all")
+    parser.add_argument("names", nargs="*", help=f"any of {', '.join(PLANS)}; default: all")
     shipped = Path(__file__).parents[1] / "references" / "data"
-    parser.add_argument("--out", type=Path, default=shipped, help="folder of the tables")
+    parser.add_argument("--out", type=Path, default=shipped, help="folder for the plans")
     arguments = parser.parse_args()
     unknown = [name for name in arguments.names if name not in PLANS]
     if unknown:

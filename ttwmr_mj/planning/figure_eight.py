@@ -1,4 +1,4 @@
-"""A figure eight of the trailer's centre of oscillation, travelled round after round.
+"""A figure eight of the trailer's centre of oscillation, driven round after round.
 
 F shall run along A·sin τ, B·sin 2τ at a steady pace, as nearly as the limits and a bounded jerk
 allow. Where an eight changes its bend F'' would vanish and, at a steady pace, θ2 turn by half a

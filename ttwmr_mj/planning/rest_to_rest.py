@@ -1,4 +1,4 @@
-"""From parked to parked: both halves at rest and in line, at the start and at the end."""
+"""From rest to rest: tractor and trailer at rest and aligned, at the start and at the end."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What the closed loop asks of a plant: a state, and time that advances under a command."""
+"""What the closed loop needs of a plant: a state, and time that advances under a command."""
 
 from abc import abstractmethod
 from typing import Protocol
@@ -114,7 +114,7 @@ class ModelPlant(Plant):
         return self._setpoint.copy()
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """Refused: the tractor's motion is prescribed, a force on it has no meaning here.
+        """Not supported: the tractor's motion is prescribed, so a force on it has no meaning here.
 
         Raises:
             InputError: always, if there is a force.

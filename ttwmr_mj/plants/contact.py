@@ -8,6 +8,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact_options import ContactOptions
@@ -41,8 +42,15 @@ class ContactPlant:
     """
 
     def __init__(
-        self, robot: RobotParameters, options: ContactOptions, nsim: int = 1, nthread: int = 0
+        self,
+        robot: RobotParameters,
+        options: ContactOptions,
+        nsim: int = 1,
+        nthread: int = 0,
+        *,
+        ground: Ground | None = None,
     ) -> None:
+        ground = ground or LEVEL
         log = mujoco.MjLogConfig.get()
         # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
         log.logto_file = log.logto_console = False
@@ -52,6 +60,9 @@ class ContactPlant:
         self.model = build_model(robot, options)
         self._joints = Joints(self.model)
         self._robot = robot
+        self.model.opt.gravity[2] = -ground.normal_gravity_m_s2
+        self._settled_qpos = self._settle()
+        self.model.opt.gravity[:2] = ground.gravity_m_s2
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
@@ -62,7 +73,6 @@ class ContactPlant:
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
         self._contact_columns = _contact_columns(self.model)
-        self._settled_qpos = self._settle()
         self._theta1: FloatArray = np.zeros(nsim)
         self._first_theta1 = self._theta1
         self._setpoint: FloatArray = np.zeros((nsim, 2))
@@ -73,14 +83,17 @@ class ContactPlant:
     def _settle(self) -> FloatArray:
         """(nq,) generalized positions of the robot standing still in its contacts at the origin.
 
-        It sinks and tilts about its y axis; nothing else may differ from the keyframe.
+        It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
+        the floor's slope, it stands as if it were not pulled along.
         """
-        self._batch.reset(keyframe=0)
-        standing = np.array(self._qpos[0])
-        self._batch.step(ids=[0], nstep=round(SETTLE_S / self.time_step_s))
+        alone = batch.Batch(self.model, 1, 1)
+        qpos = alone.bind("qpos")
+        alone.reset(keyframe=0)
+        standing = np.array(qpos[0])
+        alone.step(nstep=round(SETTLE_S / self.time_step_s))
         free = self._joints.free_qpos
         height, tilt = free + HEIGHT, free + Y
-        standing[[height, tilt]] = np.round(self._qpos[0, [height, tilt]], SETTLED_DECIMALS)
+        standing[[height, tilt]] = np.round(qpos[0, [height, tilt]], SETTLED_DECIMALS)
         standing[free + W] = np.sqrt(1.0 - standing[tilt] ** 2)
         return standing
 

@@ -17,22 +17,30 @@ class ContactOptions(Config):
         default=0.0005,
         ge=1e-5,
         le=0.01,
-        description="physics step; the contacts' error falls with it",
+        description="physics step; the contact error is proportional to it; typically 5e-4",
     )
     contact_time_constant_s: float = Field(
         default=0.001,
         ge=1e-5,
         le=0.1,
-        description="solref: smaller is stiffer and creeps less, but at least two steps",
+        description="time constant of the contacts (solref): smaller is stiffer and creeps "
+        "less, at least two steps; typically 1e-3",
     )
     friction_impedance_ratio: float = Field(
-        default=10.0, ge=1, le=1e5, description="impratio: larger slips less; 1 to 100"
+        default=10.0,
+        ge=1,
+        le=1e5,
+        description="stiffness of friction relative to the normal direction (impratio): "
+        "larger slips less; typically 1 to 100",
     )
     floor_friction: float = Field(
-        default=0.9, gt=0, le=10, description="Coulomb coefficient, tyres and balls on the floor"
+        default=0.9,
+        gt=0,
+        le=10,
+        description="Coulomb coefficient of tyres and balls on the floor; typically 0.9",
     )
     model_path: Annotated[str, input_file(SCENE)] | None = Field(
         default=None,
-        description="another scene file that includes models/ttwmr.xml, relative to the scenario; "
-        "an analytic run is drawn in it",
+        description="another scene file that includes models/ttwmr.xml, relative to the "
+        "scenario; recordings of analytic runs show it too",
     )

@@ -37,7 +37,7 @@ class ExtendedPlant(ModelPlant):
         return np.asarray(~np.isfinite(self._state.sum(axis=0)))
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
-        """As its base says."""
+        """See the base class."""
         for k in range(len(stretches.duration_s)):
             self._state = self._model.step(self._state, stretches.where(k))
         self._setpoint_rate, self._lead_s = stretches.rate_rad_s2[-1], stretches.lead_s[-1]

@@ -58,7 +58,7 @@ def build_model(robot: RobotParameters, options: ContactOptions) -> mujoco.MjMod
     try:
         return spec.compile()
     except ValueError as error:
-        raise InputError.at("plant.contact", f"MuJoCo refuses this robot: {error}") from error
+        raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
 
 
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:

@@ -1,6 +1,8 @@
-"""Integration of the hitch angle φ = θ2 − θ1 of a trailer behind a tractor that moves as told.
+"""Integration of the hitch angle φ = θ2 − θ1 of a trailer behind a tractor whose motion is given.
 
     φ̈ = (u1·u2·cos φ − u̇1·sin φ)/k − u̇2 + T/(J2 + m2·l²)          (Eq. 17, 24, 27-28)
+
+On a slope, gravity's pull along the floor is taken off the accelerations u̇1 and u1·u2 of P.
 
 Classical fourth-order Runge-Kutta over stretches of time in which the tractor's accelerations are
 constant, and dry friction that truly sticks.
@@ -30,17 +32,23 @@ class Forcing(NamedTuple):
     """
 
     duration_s: FloatArray  # (nsim,)
-    ahead: FloatArray  # (nsim,) u̇1/k [1/s²]
-    left: FloatArray  # (3, nsim) u1·u2/k at start, middle and end [1/s²]
+    ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1/k [1/s²]
+    left: FloatArray  # (3, nsim) u1·u2/k [1/s²]
     drive: FloatArray  # (nsim,) −u̇2 [rad/s²]
 
     def after(self, fraction: FloatArray) -> Forcing:
         """The rest of the stretch from a fraction (nsim,) of its duration on."""
-        start, middle, end = self.left  # u1 and u2 are linear in time: a parabola
-        slope, bend = 4.0 * middle - 3.0 * start - end, 2.0 * (start - 2.0 * middle + end)
         times = np.stack([fraction, 0.5 * (1.0 + fraction), np.ones_like(fraction)])
-        left = start + times * (slope + times * bend)
-        return self._replace(duration_s=(1.0 - fraction) * self.duration_s, left=left)
+        ahead = self.ahead if len(self.ahead) == 1 else _parabola(self.ahead, times)
+        left = _parabola(self.left, times)  # exact on level floor, where u1 and u2 are linear
+        return Forcing((1.0 - fraction) * self.duration_s, ahead, left, self.drive)
+
+
+def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
+    """At times (m, nsim) in [0, 1], through values (3, nsim) at start, middle and end."""
+    start, middle, end = nodes
+    slope, bend = 4.0 * middle - 3.0 * start - end, 2.0 * (start - 2.0 * middle + end)
+    return np.asarray(start + times * (slope + times * bend))
 
 
 class HitchSwing:
@@ -109,7 +117,9 @@ class HitchSwing:
     def _acceleration(self, state: FloatArray, forcing: Forcing, share: float) -> FloatArray:
         """φ̈ without drive and dry friction, (nsim,) [rad/s²], at a share of the stretch."""
         angle, rate = state
-        free = sideways(angle, forcing.ahead, forcing.left[round(2.0 * share)])
+        node = round(2.0 * share)
+        ahead = forcing.ahead[min(node, len(forcing.ahead) - 1)]
+        free = sideways(angle, ahead, forcing.left[node])
         if self._stiffness or self._damping:
             free = free - (self._stiffness * angle + self._damping * rate)
         return free

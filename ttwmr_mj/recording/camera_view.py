@@ -45,7 +45,7 @@ class CameraView:
         stream: of the recording.
         camera: the calibrated camera, which is what the estimate is drawn with.
         layout: the labels on the robot.
-        show_every: of so many frames one is kept as a picture; what was found, of all.
+        show_every: keep one frame in this many as a picture; detections are kept for all.
     """
 
     def __init__(

@@ -21,10 +21,10 @@ class Circle(PathReference):
     """
 
     kind: Literal["circle"] = "circle"
-    radius_m: Length = Field(description="R; 0.43 in the laboratory, 1 in the simulation")
+    radius_m: Length = Field(description="radius R; 0.43 in the laboratory, 1 in the simulation")
     angular_rate_rad_s: Rate
-    phase_rad: Angle = Field(default=0.0, description="φ at the start")
-    centre_m: Point = Field(default=(0.0, 0.0), description="(x, y) of the circle's centre")
+    phase_rad: Angle = Field(default=0.0, description="angle φ on the circle at the start")
+    centre_m: Point = Field(default=(0.0, 0.0), description="centre of the circle (x, y)")
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the angle travelled, (n,)."""

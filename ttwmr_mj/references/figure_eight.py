@@ -12,21 +12,25 @@ from ttwmr_mj.state import FloatArray
 
 
 class FigureEight(PathReference):
-    """Lying eight of P, a 1:2 Lissajous curve (cf. Fig. 19).
+    """Horizontal figure eight of P, a 1:2 Lissajous curve (cf. Fig. 19).
 
     P = centre + (W·sin φ, H·sin 2φ) with φ = phase + 2π·t/period.
 
-    A lying eight that crosses itself at its centre, where φ = 0 and π; there the curvature
+    It crosses itself at its centre, where φ = 0 and π; there the curvature
     changes sign. With H = W/2 it is the lemniscate of Gerono. The path parameter σ is the
     phase travelled, φ − phase.
     """
 
     kind: Literal["figure_eight"] = "figure_eight"
-    half_width_m: Length = Field(description="W, typically 0.4")
-    half_height_m: Length = Field(description="H, typically half of W")
-    period_s: float = Field(gt=0, le=3600, description="time of one whole eight at full rate")
-    phase_rad: Angle = Field(default=0.0, description="φ at the start")
-    centre_m: Point = Field(default=(0.0, 0.0), description="where the eight crosses itself")
+    half_width_m: Length = Field(description="half width W; typically 0.4")
+    half_height_m: Length = Field(description="half height H; typically half of W")
+    period_s: float = Field(
+        gt=0, le=3600, description="time for one complete figure eight at full rate; typically 60"
+    )
+    phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
+    centre_m: Point = Field(
+        default=(0.0, 0.0), description="the point (x, y) where the figure eight crosses itself"
+    )
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the phase travelled, (n,)."""

@@ -17,24 +17,28 @@ BUMP_INTEGRAL = BUMP.integ()
 
 
 class FlatArc(FlatReference):
-    """Arc of F, slow at both ends, then slowly on.
+    """Arc of F, slow at both ends, then onward at the low rate.
 
     F = centre + R·(cos φ, sin φ), φ from one angle to another and on.
 
     φ̇ = ±(r + (p − r)·bump(t/T)), with T such that the arc takes exactly T; outside of it φ̇ = ±r.
     As r > 0 the centripetal part Rφ̇² of F'' vanishes nowhere, whatever the tangential one; but θ2
-    is the direction of F'', so a small r beside p asks for quick turns (`references.feasibility`).
+    is the direction of F'', so an r much smaller than p requires quick turns
+    (`references.shared.feasibility`).
     """
 
     kind: Literal["flat_arc"] = "flat_arc"
-    radius_m: Length = Field(description="R, of F")
+    radius_m: Length = Field(description="radius R of the path of F; typically 0.6")
     angles_rad: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
-        description="φ where the arc begins and ends; their order gives the sense"
+        description="angles φ where the arc begins and ends; their order gives the direction"
     )
     rest_rate_rad_s: float = Field(
-        default=0.3, gt=0, le=50, description="r, at both ends and after them; never zero"
+        default=0.3,
+        gt=0,
+        le=50,
+        description="rate r at both ends and beyond the end; never zero, typically 0.3",
     )
-    peak_rate_rad_s: float = Field(gt=0, le=50, description="p, in the middle; typically 1")
+    peak_rate_rad_s: float = Field(gt=0, le=50, description="rate p in the middle; typically 1")
 
     @field_validator("angles_rad")
     @classmethod

@@ -19,9 +19,9 @@ class FlatCircle(FlatReference):
     """
 
     kind: Literal["flat_circle"] = "flat_circle"
-    radius_m: Length = Field(description="R, of F; typically 0.6")
+    radius_m: Length = Field(description="radius R of the path of F; typically 0.6")
     angular_rate_rad_s: Rate
-    phase_rad: Angle = Field(default=0.0, description="φ at the start")
+    phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
 
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
         """(n, 7, 2) F and its derivatives: an ellipse with equal axes."""

@@ -20,11 +20,13 @@ class FlatEllipse(FlatReference):
 
     kind: Literal["flat_ellipse"] = "flat_ellipse"
     half_axes_m: Annotated[tuple[Length, Length], Field(strict=False)] = Field(
-        description="A and B, of F; typically 0.4 to 0.6"
+        description="half axes A and B of the path of F; typically 0.4 to 0.6"
     )
     angular_rate_rad_s: Rate
-    phase_rad: Angle = Field(default=0.0, description="φ at the start")
-    tilt_rad: Angle = Field(default=0.0, description="of the first axis, from the world's x")
+    phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
+    tilt_rad: Angle = Field(
+        default=0.0, description="angle of the first axis from the world's x axis"
+    )
 
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
         """(n, 7, 2) F and its derivatives: each is ω times the one before, a quarter turn on."""

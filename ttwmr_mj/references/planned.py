@@ -58,15 +58,15 @@ class Knots:
         )
         for note in ("swing_length_m", "ends"):
             if note not in notes:
-                raise ValueError(f"it lacks the note {note}")
+                raise ValueError(f"it lacks the header entry {note}")
         if notes["ends"] not in ENDS:
-            raise ValueError(f"its note ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
+            raise ValueError(f"its header entry ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
         rows = [line for line in lines if not line.startswith("#")]
         table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
         if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) <= DEGREE:
             raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(COLUMNS)}")
         if not (np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()):
-            raise ValueError("its numbers are not all finite, or its times do not rise")
+            raise ValueError("its numbers are not all finite, or its times do not increase")
         length = float(notes["swing_length_m"])
         return cls(table[:, 0], table[:, 1:], length, notes["ends"] == ENDS[0])
 
@@ -96,8 +96,8 @@ class Planned(Reference):
 
     kind: Literal["planned"] = "planned"
     plan: str = Field(
-        description="a shipped plan (figure_eight, rest_to_rest, …), or a file ending in .csv "
-        "that python -m ttwmr_mj.planning wrote"
+        description="a shipped plan (figure_eight, rest_to_rest, …), or a .csv file written "
+        "by python -m ttwmr_mj.planning"
     )
 
     @field_validator("plan")

@@ -34,11 +34,20 @@ class Waypoints(PathReference):
 
     kind: Literal["waypoints"] = "waypoints"
     points_m: Annotated[tuple[Point, ...], Field(strict=False, min_length=3, max_length=10_000)] = (
-        Field(description="waypoints (x, y), neighbours distinct")
+        Field(description="waypoints (x, y); neighbours must differ")
     )
-    speed_m_s: float = Field(gt=0, le=100, description="of the chord length, typically 0.05 to 0.5")
-    closed: bool = Field(default=False, description="whether the last point leads to the first")
-    stop_s: float = Field(default=1.0, ge=0, le=600, description="an open curve's stop takes this")
+    speed_m_s: float = Field(
+        gt=0, le=100, description="speed with respect to the chord length; typically 0.05 to 0.5"
+    )
+    closed: bool = Field(
+        default=False, description="whether the curve returns from the last point to the first"
+    )
+    stop_s: float = Field(
+        default=1.0,
+        ge=0,
+        le=600,
+        description="duration of the stop at the end of an open curve; typically 1",
+    )
 
     def faults(self, robot: RobotParameters) -> list[Fault]:
         """Neighbours that coincide; a curve too short for its start and stop."""

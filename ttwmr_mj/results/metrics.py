@@ -59,7 +59,7 @@ def _settling_time(error: FloatArray, time_s: FloatArray) -> float | None:
 
 
 class Metric(NamedTuple):
-    """A number that sums up a run: the function of values (n,) and times (n,), and which values."""
+    """A number that sums up a run: a function of values (n,) and times (n,), and which values."""
 
     sum_up: Callable[[FloatArray, FloatArray], float | None]
     of: str
@@ -80,19 +80,19 @@ WORDS = {
 }
 QUANTITIES = {
     "tractor": "distance of P from its reference",
-    "tractor_t": "distance of P from its reference times t",
+    "tractor_t": "distance of P from its reference, times t",
     "trailer": "distance of the trailer's COM, l behind P, from its reference",
     "oscillation": "distance of the centre of oscillation, K behind P, from its reference",
     "theta1": "error of θ1",
     "theta2": "error of θ2",
     "wheel_speed": "speed of a wheel",
     "command_squared": "sum ω_r² + ω_l² of the commands [rad²/s]",
-    "saturated": "whose command was cut to the servo's range",
+    "saturated": "whose command was limited to the servo's range",
     "near_singular": "near the singularity of the map from accelerations to wheels",
-    "seen_position": "distance of P as the controller saw it from the truth",
-    "seen_theta1": "error of θ1 as the controller saw it",
-    "seen_theta2": "error of θ2 as the controller saw it",
-    "blind": "at which the sensor was blind",
+    "seen_position": "distance between the controller's estimate of P and the true P",
+    "seen_theta1": "error of the controller's estimate of θ1",
+    "seen_theta2": "error of the controller's estimate of θ2",
+    "blind": "at which the sensor's estimate was invalid",
 }
 _TRACKING = {
     "tractor_rmse_m": Metric(_rms, "tractor"),

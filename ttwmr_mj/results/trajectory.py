@@ -74,10 +74,10 @@ class Trajectory:
         est_q, est_q_rate: (n, nsim, width) what the controller saw.
         wheel_command_rad_s: (n, nsim, 2) commanded from this sample on (right, left).
         wheel_speed_rad_s: (n, nsim, 2) true wheel speeds (right, left).
-        est_valid: (n, nsim) False where the sensor was blind and said so.
+        est_valid: (n, nsim) False where the sensor reported its estimate as invalid.
         measurement_age_s: (n, nsim) age of the newest measurement in what the controller saw.
         labels_found: (n, nsim) labels the camera found; NaN without a camera.
-        saturated: (n, nsim) the command had to be cut to the servo's range.
+        saturated: (n, nsim) the command had to be limited to the servo's range.
         near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
         joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.
         contact_readings: (n, nsim, 5, 15) contact sensors, see `plants.contact.read_contacts`;

@@ -9,7 +9,7 @@ from typing import Self
 class Background:
     """A thread that does one piece of work at a time, in the order given; a context manager.
 
-    Leaving the context waits for the work that is under way, and raises what broke it.
+    Leaving the context waits for the work that is under way, and re-raises its exception.
     """
 
     # [s] a thread that waits for Python's lock gets it after that; Python's own 5 ms, at every
@@ -22,12 +22,12 @@ class Background:
         self._interval_s = sys.getswitchinterval()
 
     def do(self, work: Callable[[], None]) -> None:
-        """Hand over work, once the work before it is done; raises what broke that."""
+        """Hand over work, once the work before it is done; re-raises its exception."""
         self.wait()
         self._work = self._thread.submit(work)
 
     def wait(self) -> None:
-        """Wait until all is done; raises what broke it."""
+        """Wait until all is done; re-raises its exception."""
         if self._work is not None:
             self._work.result()
 

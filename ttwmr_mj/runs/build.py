@@ -1,4 +1,4 @@
-"""From a scenario's words to the objects of a run."""
+"""From a scenario to the objects of a run."""
 
 from pathlib import Path
 
@@ -72,17 +72,23 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
 
-        model = ExtendedModel.of(robot, options.analytic.extended)
+        model = ExtendedModel.of(robot, options.analytic.extended, scenario.ground)
         return ExtendedPlant(model, nsim, period_s, longest_s)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 
-        published = options.analytic.published_spring
-        return AnalyticPlant(robot, nsim, period_s, longest_s, published_spring=published)
+        return AnalyticPlant(
+            robot,
+            nsim,
+            period_s,
+            longest_s,
+            ground=scenario.ground,
+            published_spring=options.analytic.published_spring,
+        )
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
-    return ContactPlant(robot, options.contact, nsim=nsim)
+    return ContactPlant(robot, options.contact, nsim, ground=scenario.ground)
 
 
 def make_controller(
@@ -104,7 +110,7 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
 
     Raises:
         InputError: the calibration cannot be used.
-        MachineError: a camera is asked for and there is no OpenGL.
+        MachineError: the scenario needs a camera and there is no OpenGL.
     """
     section, period = scenario.sensing, scenario.control.sampling_time_s
     if section.kind == "truth":

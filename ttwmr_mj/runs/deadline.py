@@ -1,8 +1,8 @@
 """A limit on the time of code that may never return, such as a controller of the user's.
 
-The limit is on CPU time, so that the same code keeps it or not however busy the machine is. What
-waits and never computes has many times as long, counted in rings of a timer, which merge into one
-while the process is stopped or gets no processor.
+The limit is on CPU time, so that whether code keeps it does not depend on how busy the machine is.
+Code that waits without computing has many times as long, counted in timer signals, which merge into
+one while the process is stopped or gets no processor.
 """
 
 import signal

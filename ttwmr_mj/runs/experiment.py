@@ -88,14 +88,14 @@ class Experiment:
         self._controller = build.make_controller(scenario, self._told, self._folder)
 
     def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
-        """Run from the initial state to the end, or to where it breaks.
+        """Run from the initial state to the end, or until it fails.
 
         Args:
             initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, every now and then and at the end.
 
         Raises:
-            InputError: the controller refuses at its start.
+            InputError: the controller cannot start.
         """
         scenario, plant = self.scenario, self.plant
         rng = build.generators(scenario.seed, ("sensor", "controller"))

@@ -32,7 +32,7 @@ class Outcome:
 
     Attributes:
         status: "ok", "diverged" (the state left all bounds), "failed" (physics or the controller
-            broke, or the controller took too long), "interrupted" (Ctrl-C).
+            failed, or the controller timed out), "interrupted" (Ctrl-C).
         reason: why, in words; empty when ok.
         time_s: simulated time at the end.
         cause: the exception behind it, if there is one.
@@ -204,7 +204,7 @@ class Loop:
         escaped = np.abs(truth.q).max(axis=1) > ESCAPE
         for i in map(int, np.flatnonzero(failed | escaped)):
             if failed[i]:
-                end = Outcome("failed", f"the physics broke: {self.plant.fault(i)}", time_s)
+                end = Outcome("failed", f"the physics failed: {self.plant.fault(i)}", time_s)
             else:
                 reason = f"the state diverged beyond {ESCAPE:g} m or {ESCAPE:g} rad"
                 end = Outcome("diverged", reason, time_s)

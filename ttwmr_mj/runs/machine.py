@@ -16,7 +16,7 @@ VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 def examine() -> tuple[str, bool]:
     """A report in words, and whether everything a truth-sensing run needs is there.
 
-    Rendering and the viewer are extras: their absence is reported, not counted as illness.
+    Rendering and the viewer are optional: their absence is reported, but is not a failure.
     """
     versions = {name: library_version(name) for name in _required()}
     missing = [name for name, found in versions.items() if found is None]

@@ -1,4 +1,4 @@
-"""A run in words: what was asked and how it ended, for the terminal and the recording."""
+"""A run in words: what was run and how it ended, for the terminal and the recording."""
 
 from typing import Any
 
@@ -18,13 +18,13 @@ RESULT_ROWS = (
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
     ("near_singular_share", "near-singular samples", 100.0, "%"),
-    ("control_overruns", "commands later than a period", 1.0, ""),
+    ("control_overruns", "deadline misses", 1.0, ""),
     ("control_slowest_s", "slowest command", 1e3, "ms"),
 )
 
 
 def summary(scenario: Scenario) -> str:
-    """What was asked, for the recording's text panel."""
+    """What is run, for the recording's text panel."""
     rows = {
         "plant": scenario.plant.kind,
         "controller": scenario.controller.kind,

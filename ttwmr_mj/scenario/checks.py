@@ -1,7 +1,7 @@
-"""What no single key of a scenario shows: checks across keys, where what they look at is sound.
+"""Checks across keys of a scenario, made where the keys they look at are valid themselves.
 
-Each check names the parts of the scenario that it looks at. Of a faulty file, the checks whose
-parts have no fault of their own are made all the same, so that all faults come at once.
+Each check names the parts of the scenario that it looks at. In a faulty file, the checks whose
+parts have no fault of their own are still made, so that all faults are reported at once.
 """
 
 from collections.abc import Callable, Iterable
@@ -65,7 +65,7 @@ def _belief(scenario: Scenario) -> Iterable[Fault]:
 
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
     if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
-        problem = "reference.kind = 'none' leaves nothing to start on"
+        problem = "with reference.kind = 'none' there is no reference to start on"
         yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
 
 
@@ -76,14 +76,15 @@ def _contact_only(scenario: Scenario) -> Iterable[Fault]:
         problem = "only plant.kind = 'contact' can be pushed"
         yield Fault(key=("plant", "pushes"), got="pushes", problem=problem)
     if scenario.output.physics_rate:
-        problem = "only plant.kind = 'contact' steps at a physics rate"
+        problem = "only plant.kind = 'contact' has physics steps"
         yield Fault(key=("output", "physics_rate"), got="true", problem=problem)
 
 
 def _frames(scenario: Scenario) -> Iterable[Fault]:
     if scenario.output.save_frames and scenario.sensing.kind != "camera":
-        problem = f"sensing.kind is {scenario.sensing.kind!r}"
-        yield Fault(key=("output", "save_frames"), got="true", problem=problem, allowed="'camera'")
+        problem = f"sensing.kind = {scenario.sensing.kind!r} has no frames"
+        hint = "use sensing.kind = 'camera'"
+        yield Fault(key=("output", "save_frames"), got="true", problem=problem, hint=hint)
 
 
 def _physics_steps(scenario: Scenario) -> Iterable[Fault]:

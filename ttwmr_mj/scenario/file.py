@@ -31,10 +31,12 @@ def find_scenario(name_or_path: str) -> Path:
     # `scenarios/lab_circle.toml` means the shipped one from any folder
     if path.parent.name == "scenarios" and path.stem in shipped and path.suffix == ".toml":
         return shipped[path.stem]
-    raise InputError(
-        f"{name_or_path}: no such scenario file, and no shipped scenario of that name"
-        f"{suggestion(path.stem, list(shipped))}; shipped: {', '.join(shipped)}"
+    problem = "no such scenario file, and no shipped scenario of that name"
+    missing = Fault(
+        problem=f"{problem}{suggestion(path.stem, list(shipped))}",
+        hint=f"shipped: {', '.join(shipped)}",
     )
+    raise InputError(missing, file=name_or_path)
 
 
 def load_scenario(
@@ -69,7 +71,8 @@ def _read(path: Path) -> dict[str, Any]:
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise InputError(f"{path}: cannot be read as TOML: {error}") from error
+        fault = Fault(problem=f"cannot be read as TOML: {error}")
+        raise InputError(fault, file=str(path)) from error
 
 
 def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> Scenario:
@@ -142,7 +145,7 @@ def set_value(data: dict[str, Any], override: str) -> None:
     path, equals, text = override.partition("=")
     keys = [key.strip() for key in path.split(".")]
     if not equals or not all(keys):
-        raise InputError(f"--set {override}: expected key.path=value, as in plant.kind=analytic")
+        raise _unset(override, allowed="key.path=value, as in plant.kind=analytic")
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
@@ -161,9 +164,13 @@ def _place(container: Any, key: str, override: str) -> Any:
     if isinstance(container, list):
         if key.isdigit() and int(key) < len(container):
             return int(key)
-        allowed = f"the list has {len(container)}: 0 to {len(container) - 1}"
-        raise InputError(f"--set {override}: got index {key!r}; allowed: {allowed}")
-    raise InputError(f"--set {override}: {key!r} needs a table, and there is a value")
+        allowed = f"0 to {len(container) - 1}, as the list has {len(container)} entries"
+        raise _unset(override, got=f"index {key!r}", allowed=allowed)
+    raise _unset(override, problem=f"{key!r} can only be set in a table, and this is a value")
+
+
+def _unset(override: str, **words: str) -> InputError:
+    return InputError(Fault(key=(f"--set {override}",), **words))
 
 
 def dump_scenario(scenario: Scenario) -> str:

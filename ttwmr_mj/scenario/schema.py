@@ -1,6 +1,6 @@
 """The scenario: one experiment, every value of it, checked and frozen.
 
-A scenario is a TOML file. Units stand in the names, unknown keys are errors, and what a file leaves
+A scenario is a TOML file. Keys carry their units, unknown keys are errors, and what a file leaves
 out has a documented default. `ttwmr export-schema` prints the same as JSON Schema.
 """
 
@@ -39,23 +39,34 @@ class AtRest(Config):
     """Start standing still at a pose; Table II's (0.6, −0.3) m is the default."""
 
     kind: Literal["at_rest"] = "at_rest"
-    x_m: Coordinate = Field(default=0.6, description="of P; typically within 1")
-    y_m: Coordinate = Field(default=-0.3, description="of P; typically within 1")
-    theta1_rad: Angle = Field(default=0.0, description="heading of the tractor, from +x")
+    x_m: Coordinate = Field(default=0.6, description="x of P at the start; typically -1 to 1")
+    y_m: Coordinate = Field(default=-0.3, description="y of P at the start; typically -1 to 1")
+    theta1_rad: Angle = Field(
+        default=0.0, description="heading of the tractor at the start, from +x"
+    )
     theta2_rad: Angle = Field(
-        default=0.0, description="heading of the trailer; theta1_rad where aligned"
+        default=0.0,
+        description="heading of the trailer at the start; equal to theta1_rad if aligned",
     )
 
 
 class OnReference(Config):
-    """Start on the reference, moving with it, but for these offsets."""
+    """Start on the reference, moving with it, except for these offsets."""
 
     kind: Literal["on_reference"]
-    x_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
-    y_offset_m: Coordinate = Field(default=0.0, description="of P; typically 0.1")
-    theta1_offset_rad: Angle = Field(default=0.0, description="of the tractor; typically 0.2")
+    x_offset_m: Coordinate = Field(
+        default=0.0, description="offset of P in x from the reference; typically 0.1"
+    )
+    y_offset_m: Coordinate = Field(
+        default=0.0, description="offset of P in y from the reference; typically 0.1"
+    )
+    theta1_offset_rad: Angle = Field(
+        default=0.0, description="offset of the tractor's heading from the reference; typically 0.2"
+    )
     theta2_offset_rad: Angle = Field(
-        default=0.0, description="from θ2's reference, or from θ1 where there is none"
+        default=0.0,
+        description="offset of the trailer's heading from the reference of θ2, or from θ1 if "
+        "there is none; typically 0.2",
     )
 
 
@@ -69,26 +80,36 @@ class AnalyticOptions(Config):
         default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
     )
     published_spring: bool = Field(
-        default=False, description="divide the hitch's spring torque by k as Eq. 41 prints it"
+        default=False,
+        description="divide the torque of the hitch's spring and damper by k, as Eq. 41 is printed",
     )
     extended: ExtendedParameters | None = Field(
         default=None,
-        description="a fitted model instead of the plain one, as `ttwmr compare --fit` writes it",
+        description="a fitted model used instead of the plain one, as `ttwmr compare --fit` "
+        "writes it",
     )
 
 
 class PushOptions(Config):
-    """A force on one half of the robot for a while (contact plant only).
+    """A temporary force on the tractor or the trailer (contact plant only).
 
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
 
-    on: Literal["tractor", "trailer"] = Field(default="trailer", description="which half is pushed")
-    start_s: float = Field(ge=0, le=MAX_DURATION_S, description="simulated time at which it starts")
-    duration_s: float = Field(
-        gt=0, le=MAX_DURATION_S, description="how long it lasts; typically 0.1 to 1"
+    on: Literal["tractor", "trailer"] = Field(
+        default="trailer", description="the body that is pushed"
     )
-    force_n: Point = Field(description="x, y in the world; the robot's weight is 12 N")
+    start_s: float = Field(
+        ge=0,
+        le=MAX_DURATION_S,
+        description="simulated time at which the push starts; typically 5 to 15",
+    )
+    duration_s: float = Field(
+        gt=0, le=MAX_DURATION_S, description="duration of the push; typically 0.1 to 1"
+    )
+    force_n: Point = Field(
+        description="force (x, y) in the world frame; typically 0.5, the robot's weight is 12 N"
+    )
 
 
 class PlantOptions(Config):
@@ -111,27 +132,32 @@ class ControlOptions(Config):
     """The sampled loop."""
 
     sampling_time_s: float = Field(
-        default=0.033, gt=0, le=10, description="time between commands; 33 ms in Section 4"
+        default=0.033,
+        gt=0,
+        le=10,
+        description="control period, the time between commands; Section 4: 0.033",
     )
     controller_time_limit_s: float = Field(
         default=2.0,
         gt=0,
         le=3600,
-        description="CPU time for one command, after which the run ends as failed; typically 2. "
-        "A controller that waits has 15 times as much wall time",
+        description="CPU time after which a command times out and the run ends as failed; "
+        "typically 2. The limit in wall time is 15 times as long, for a "
+        "controller that waits",
     )
 
 
 class OutputOptions(Config):
-    """Which files a run leaves beside its numbers."""
+    """Which files a run writes in addition to its numbers."""
 
-    recording: bool = Field(default=True, description="run.rrd for the Rerun viewer")
-    figures: bool = Field(default=True, description="figures/*.png and *.svg")
+    recording: bool = Field(default=True, description="write run.rrd for the Rerun viewer")
+    figures: bool = Field(default=True, description="write figures/*.png and *.svg")
     save_frames: bool = Field(
-        default=False, description="frames/: the camera's pictures with COCO annotations"
+        default=False, description="write frames/: the camera's images with COCO annotations"
     )
     physics_rate: bool = Field(
-        default=False, description="physics.parquet: the state at every physics step (contact)"
+        default=False,
+        description="write physics.parquet: the state at every physics step (contact plant only)",
     )
 
 
@@ -149,27 +175,34 @@ def _part_of(model: type[Config]) -> Callable[[Any, GetCoreSchemaHandler], core_
 
 
 class BeliefOptions(Config):
-    """What controller, reference and camera tracker take for true, where it is not."""
+    """What the controller, the reference and the camera tracker assume, where it differs."""
 
     robot: Annotated[dict[str, Any], GetPydanticSchema(_part_of(RobotParameters))] = Field(
-        default={}, description="any part of [robot]; what is left out is believed as it is"
+        default={},
+        description="robot parameters that the controller, the reference and the camera "
+        "tracker assume: any part of [robot]; keys left out keep their true values",
     )
     ground: Annotated[dict[str, Any], GetPydanticSchema(_part_of(Ground))] = Field(
-        default={}, description="any part of [ground]; what is left out is believed as it is"
+        default={},
+        description="the floor that they assume: any part of [ground]; keys left out keep their "
+        "true values",
     )
 
 
 class Scenario(Config):
     """One experiment."""
 
-    schema_version: Literal[1] = Field(default=1, description="of this file format")
+    schema_version: Literal[1] = Field(default=1, description="version of this file format")
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
-        description="names results and recordings: lower-case letters, digits, - and _",
+        description="name of results and recordings: lower-case letters, digits, - and _",
     )
-    description: str = Field(default="", description="one sentence, as `ttwmr list` prints it")
+    description: str = Field(default="", description="one sentence, shown by `ttwmr list`")
     seed: int = Field(
-        default=0, ge=0, lt=2**32, description="of everything random: noise, camera, controller"
+        default=0,
+        ge=0,
+        lt=2**32,
+        description="seed of everything random: noise, camera, controller",
     )
     duration_s: float = Field(
         gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"

@@ -1,1 +1,1 @@
-"""Studies: what is asked of many runs."""
+"""Studies: questions that take many runs to answer."""

@@ -5,7 +5,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.vision.calibration.board import board_print
@@ -31,7 +31,7 @@ def calibrate_scenario(scenario: Scenario) -> Calibration:
     if not isinstance(scenario.sensing, CameraSensing):
         raise InputError.at(
             "sensing.kind",
-            f"{scenario.name} has no camera to calibrate",
+            f"the scenario {scenario.name} has no camera to calibrate",
             got=repr(scenario.sensing.kind),
             hint="add --set sensing.kind=camera, or give a scenario with a camera",
         )
@@ -61,10 +61,12 @@ def calibrate_from_images(folder: Path) -> Calibration:
     first, *others = (held | origin | flat).items()
     for path, image in others:
         if image.shape != first[1].shape:
-            raise InputError(
-                f"{path}: {_size(image)} px, but {first[0]} has {_size(first[1])}; "
-                "all must come from one camera at one setting"
+            unlike = Fault(
+                got=f"{_size(image)} px",
+                problem=f"{first[0]} has {_size(first[1])} px",
+                hint="all pictures must come from one camera at one resolution",
             )
+            raise InputError(unlike, file=str(path))
     height_px, width_px = first[1].shape[:2]
     found = [find_boards(images.values()) for images in (held, origin, flat)]
     return calibrate(found[0], found[1], found[2], width_px, height_px)
@@ -93,7 +95,8 @@ def _pictures(folder: Path) -> dict[Path, Image]:
     for path in paths:
         image = cv2.imread(str(path), cv2.IMREAD_COLOR)
         if image is None:
-            raise InputError(f"{path}: cannot be read as an image (PNG and JPEG work)")
+            unreadable = Fault(problem="cannot be read as an image", hint="PNG and JPEG work")
+            raise InputError(unreadable, file=str(path))
         images[path] = np.asarray(image, dtype=np.uint8)
     return images
 

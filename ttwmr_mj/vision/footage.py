@@ -8,11 +8,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
 
-DEFAULT_RATE_HZ = 30.0  # where a stream does not tell
+DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate
 
 
 @contextmanager
@@ -23,21 +23,26 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         InputError: it cannot be opened, or has another resolution than the calibrated camera.
     """
     if not source.isdecimal() and not Path(source).is_file():
-        raise InputError(f"{source}: no such video file; give a file or a camera's index")
+        missing = Fault(problem="no such video file", hint="give a file or a camera's index")
+        raise InputError(missing, file=source)
     stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
     try:
         if not stream.isOpened():
-            raise InputError(
-                f"{source}: cannot be opened as a video; is it damaged, or in a format that "
-                "OpenCV does not read? AVI with MJPG always works"
+            unreadable = Fault(
+                problem="cannot be opened as a video; it may be damaged, or in a format that "
+                "OpenCV does not read",
+                hint="AVI with MJPG always works",
             )
+            raise InputError(unreadable, file=source)
         width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
         if (width, height) != (camera.width_px, camera.height_px):
-            raise InputError(
-                f"{source}: has {width}×{height} px, but the camera was calibrated at "
-                f"{camera.width_px}×{camera.height_px}; calibrate at the video's resolution"
+            unlike = Fault(
+                got=f"{width}×{height} px",
+                problem=f"the camera was calibrated at {camera.width_px}×{camera.height_px} px",
+                hint="calibrate at the video's resolution",
             )
+            raise InputError(unlike, file=source)
         yield _frames(stream)
     finally:
         stream.release()

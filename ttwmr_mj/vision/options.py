@@ -14,23 +14,25 @@ PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
 class CameraSensing(Config):
-    """The robot seen by the overhead camera, and by nothing else."""
+    """The overhead camera as the only sensor."""
 
     kind: Literal["camera"]
     preset: Literal["lab", "clean"] = Field(
         default="lab",
-        description="camera values that are not given: those of the laboratory, or flawless ones",
+        description="where camera values that are not given come from: the laboratory's "
+        "camera, or a perfect one",
     )
     latency_s: float = Field(
         default=0.033,
         ge=0,
         le=10,
-        description="from a shutter's closing to its frame's arrival, whole control periods",
+        description="time from the end of the exposure to the arrival of the frame, a whole "
+        "number of control periods; typically 0.033",
     )
     calibration_path: Annotated[str, input_file(CALIBRATION)] | None = Field(
         default=None,
-        description="file of `ttwmr calibrate`, relative to the scenario; left out: the camera "
-        "is calibrated before the run, through the same sensor model",
+        description="a file written by `ttwmr calibrate`, relative to the scenario; default: "
+        "the camera is calibrated before the run, through the same sensor model",
     )
     camera: CameraOptions = LAB_CAMERA
     tracker: TrackerOptions = TrackerOptions()

@@ -1,4 +1,4 @@
-"""The camera as the loop's sensor: a frame every control period, and where the robot is in it."""
+"""The camera as the loop's sensor: a frame every control period, and the robot's state from it."""
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -13,7 +13,7 @@ class Bench(Quiet, name="bench"):
     out: Path | None = option(
         "folder for the results; finished runs in it are reused", metavar="DIR"
     )
-    rescore: bool = option("run nothing, rank what --out holds")
+    rescore: bool = option("run nothing, score the finished runs in --out")
     workers: int | None = option("processes at a time; default: one per processor", metavar="N")
 
     def __call__(self) -> int:

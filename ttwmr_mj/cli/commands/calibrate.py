@@ -9,12 +9,12 @@ from ttwmr_mj.cli.shared import Overrides
 class Calibrate(Overrides, name="calibrate"):
     """Calibrate a camera with a ChArUco board."""
 
-    scenario: str = argument("scenario whose simulated camera sees the board", "lab_circle_camera")
+    scenario: str = argument("scenario whose simulated camera is calibrated", "lab_circle_camera")
     images: Path | None = option(
-        "a real camera's pictures instead: DIR/held, DIR/origin and DIR/flat", metavar="DIR"
+        "use a real camera's pictures in DIR/held, DIR/origin and DIR/flat instead", metavar="DIR"
     )
-    board: Path | None = option("write the board to print, and nothing else", metavar="PNG")
-    out: Path = option("the calibration", Path("calibration.yaml"), metavar="YAML")
+    board: Path | None = option("only write the board as an image to print", metavar="PNG")
+    out: Path = option("file for the calibration", Path("calibration.yaml"), metavar="YAML")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (
@@ -34,7 +34,7 @@ class Calibrate(Overrides, name="calibrate"):
         save_calibration(calibration, self.out)
         print(
             f"{calibration.views} views, rms reprojection error "
-            f"{calibration.reprojection_rms_px:.3f} px, on the floor "
+            f"{calibration.reprojection_rms_px:.3f} px, of boards on the floor "
             f"{calibration.floor_rms_px:.3f} px\nwritten to {self.out}"
         )
         return 0

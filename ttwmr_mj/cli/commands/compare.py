@@ -16,17 +16,17 @@ class Compare(Overrides, NewFolder, name="compare"):
         "one command history for both plants, or each under its own controller", "open_loop"
     )
     real_wheels: bool = option(
-        "open loop: drive the analytic model with the wheels' true speeds, so that only slip is "
-        "left"
+        "in open loop, drive the analytic model with the actual wheel speeds, so that only slip "
+        "is left"
     )
-    no_attribution: bool = option("report deviations without explaining them; fast")
+    no_attribution: bool = option("report deviations without attributing them to effects; fast")
     converge: bool = option("refine the contact physics and report the convergence")
     fit: bool = option("fit an extended analytic model")
     validate_on: str | None = option(
         "scenario to validate the fit on; default: a shipped one", metavar="SCENARIO"
     )
     tolerance: Path | None = option(
-        "TOML of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
+        "TOML file of largest allowed values; exit code 1 if one is exceeded", metavar="FILE"
     )
 
     def __call__(self) -> int:

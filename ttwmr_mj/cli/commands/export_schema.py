@@ -1,4 +1,4 @@
-"""`ttwmr export-schema`: what may stand in a scenario, for editors."""
+"""`ttwmr export-schema`: what a scenario may hold, for editors."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from ttwmr_mj.cli.engine import Subcommand, option
 class ExportSchema(Subcommand, name="export-schema"):
     """Print the JSON Schema of scenarios."""
 
-    out: Path | None = option("write it to a file instead", metavar="FILE")
+    out: Path | None = option("write the schema to a file instead", metavar="FILE")
 
     def __call__(self) -> int:
         import json

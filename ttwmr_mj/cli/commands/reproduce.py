@@ -15,7 +15,7 @@ class Reproduce(Quiet, name="reproduce"):
         Path("results/reproduce"),
         metavar="DIR",
     )
-    only: tuple[str, ...] = option("one figure; repeatable", metavar="FIG")
+    only: tuple[str, ...] = option("reproduce only this figure; repeatable", metavar="FIG")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table

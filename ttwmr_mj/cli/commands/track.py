@@ -13,7 +13,7 @@ class TrackCommand(NewFolder, name="track"):
     calibration: Path = option(
         "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
     )
-    scenario: str = option("scenario whose robot is seen", "lab_circle")
+    scenario: str = option("scenario whose robot is in the video", "lab_circle")
     frames: int | None = option("stop after N frames", metavar="N")
 
     def __call__(self) -> int:

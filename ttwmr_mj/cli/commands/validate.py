@@ -1,4 +1,4 @@
-"""`ttwmr validate`: are these scenarios right?"""
+"""`ttwmr validate`: are these scenarios valid?"""
 
 import sys
 
@@ -8,7 +8,7 @@ from ttwmr_mj.errors import InputError
 
 
 class Validate(Overrides, name="validate"):
-    """Check scenario files and print nothing if all is well."""
+    """Check scenario files and print nothing if they are valid."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
 

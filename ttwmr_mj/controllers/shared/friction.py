@@ -1,10 +1,10 @@
 """Dry friction in the hitch, as a controller sees it.
 
-Sliding, the hitch takes τ_c from the trailer, against the motion; that acts like an extra θ̈2, which
-a controller can make up for. Stuck, the friction is whatever keeps the hitch locked: a controller
-that counts on the sliding value would push too hard or, with the sign of a noisy rate, chatter. In
-between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck hitch counts
-as free, and breaks away by the error that grows meanwhile.
+A sliding hitch exerts the torque τ_c on the trailer, against the motion; that acts like an extra
+θ̈2, which a controller can compensate. In a stuck hitch the friction is whatever keeps it locked: a
+controller that relies on the sliding value would push too hard or, with the sign of a noisy rate,
+chatter. In between, s/√(s² + ε²) of the hitch rate s goes smoothly from one to the other: a stuck
+hitch counts as free, and breaks away because of the error that grows meanwhile.
 
 References, and mpc's predictions, are made on a model with this smooth friction (`planning`): they
 are those of a robot with friction. Gains that are computed once are those of a free hitch: about
@@ -19,59 +19,82 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
+from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.influence import DRY, VISCOUS, influence_of
 from ttwmr_mj.dynamics.sampled import SUBSTEP_S, SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
 
 
 class FrictionOptions(Config):
-    """What a controller makes up for of the hitch's dry friction."""
+    """How a controller compensates the hitch's dry friction."""
 
     dry: Literal["ignored", "model"] = Field(
-        default="model", description="ignored, or made up for with the figure of robot.hitch"
+        default="model",
+        description="dry friction of the hitch: ignored, or compensated with the value of "
+        "robot.hitch",
     )
     smoothing_rad_s: float = Field(
         default=0.05,
         gt=0,
         le=10,
-        description="ε, the hitch rate from which on friction counts as nearly full",
+        description="ε, the hitch rate above which friction is taken as nearly full; "
+        "typically 0.05",
     )
 
 
 class HitchFriction:
-    """What a controller believes of the hitch, and makes up for.
+    """What a controller assumes about the hitch, and compensates.
 
     Attributes:
         believed: the robot as the controller takes it to be.
     """
 
-    def __init__(self, robot: RobotParameters, options: FrictionOptions) -> None:
+    def __init__(
+        self, robot: RobotParameters, options: FrictionOptions, ground: Ground | None = None
+    ) -> None:
         dry = robot.hitch.coulomb_friction_n_m if options.dry == "model" else 0.0
         hitch = robot.hitch.model_copy(update={"coulomb_friction_n_m": dry})
         self.believed = robot.model_copy(update={"hitch": hitch})
-        self._scale_rad_s = options.smoothing_rad_s
-        self._size = dry / robot.swing_inertia_kg_m2
+        self._ground, self._scale_rad_s = ground or Ground(), options.smoothing_rad_s
 
     def planning(self, period_s: float, substep_s: float = SUBSTEP_S) -> SampledModel:
         """The sampled model with smooth friction: what can be differentiated."""
-        return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s)
+        return SampledModel(self.believed, period_s, substep_s, self._scale_rad_s, self._ground)
 
     def free(self, period_s: float) -> SampledModel:
         """The sampled model without dry friction."""
         hitch = self.believed.hitch.model_copy(update={"coulomb_friction_n_m": 0.0})
-        return SampledModel(self.believed.model_copy(update={"hitch": hitch}), period_s)
+        robot = self.believed.model_copy(update={"hitch": hitch})
+        return SampledModel(robot, period_s, ground=self._ground)
 
     def rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
         return now.body[:, 4] - rolling_turn_rate(now.wheels, self.believed) - now.slip[:, 2]
 
-    def acceleration(self, now: Observed) -> FloatArray:
-        """(nsim,) θ̈2 that smooth friction causes [rad/s²]."""
-        return self._acceleration(self.rate(now))
+    def acceleration(self, now: Observed, viscous: FloatArray) -> FloatArray:
+        """(nsim,) θ̈2 that smooth friction causes [rad/s²].
 
-    def acceleration_along(self, state: FloatArray) -> FloatArray:
-        """(...) the same along states (..., 7) of a plan: x, y, θ1, θ2, θ̇2 and the wheels."""
-        return self._acceleration(state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed))
+        Args:
+            now: with what is known or learned of the hitch.
+            viscous: (nsim,) or one; viscous friction that is counted elsewhere [1/s].
+        """
+        return self._acceleration(self.rate(now), now.influence, viscous)
 
-    def _acceleration(self, rate: FloatArray) -> FloatArray:
-        return np.asarray(-self._size * rate / np.hypot(rate, self._scale_rad_s))
+    def acceleration_along(
+        self, state: FloatArray, influence: FloatArray | None = None
+    ) -> FloatArray:
+        """(...) the same along states (..., 7) of a plan.
+
+        The plan counts viscous friction; it was made with influences (..., 5), or those believed.
+        """
+        if influence is None:
+            influence = influence_of(self.believed, self._ground)
+        rate = state[..., 4] - rolling_turn_rate(state[..., 5:], self.believed)
+        return self._acceleration(rate, influence, influence[..., VISCOUS])
+
+    def _acceleration(
+        self, rate: FloatArray, influence: FloatArray, viscous: FloatArray
+    ) -> FloatArray:
+        dry = -influence[..., DRY] * rate / np.hypot(rate, self._scale_rad_s)
+        return np.asarray(dry - (influence[..., VISCOUS] - viscous) * rate)

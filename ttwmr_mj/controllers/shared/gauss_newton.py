@@ -1,6 +1,6 @@
 """Gauss-Newton on a tracking problem: the Riccati recursion for a step, rollouts for its length.
 
-The cost beyond the last sample is ½zᵀHz with z = (x − x_ref, disturbance), 11 numbers.
+The cost beyond the last sample is ½zᵀHz with z = (x − x_ref, disturbance − that of the reference).
 """
 
 from typing import NamedTuple
@@ -9,7 +9,6 @@ import numpy as np
 
 from ttwmr_mj.controllers.shared.riccati import RiccatiSolution, apply, backward
 from ttwmr_mj.controllers.shared.tracking_problem import (
-    DISTURBANCES,
     INPUTS,
     RESIDUALS,
     STATES,
@@ -41,6 +40,7 @@ def improved(
     start: FloatArray,
     disturbance: FloatArray,
     lengths: FloatArray,
+    planned: FloatArray | float = 0.0,
     cut: bool = False,
 ) -> Rollout:
     """One Gauss-Newton step from a plan; of a few lengths of the step the one that costs least.
@@ -50,16 +50,18 @@ def improved(
         state: (n + 1, batch, 7) of the plan.
         command: (n, batch, 2) of the plan.
         target: n + 1 samples.
-        beyond: (1 or batch, 11, 11) H.
+        beyond: (1 or batch, 7 + lasting, 7 + lasting) H.
         start: (batch, 7) where the robot is, near the plan's first state.
-        disturbance: (batch, 4) which lasts.
+        disturbance: (batch, width) which lasts.
         lengths: (m,) of the step.
+        planned: (1 or batch, width) disturbance of the reference.
         cut: commands are cut to the servos' limits.
     """
     n, batch = command.shape[:2]
     linear = problem.linearise(state[:-1], command, disturbance)
-    hessian = np.broadcast_to(beyond[:, :STATES], (batch, STATES, STATES + DISTURBANCES))
-    end = np.concatenate([state[-1] - target.state[-1], disturbance], axis=1)
+    beside = (disturbance - planned)[:, : problem.lasting]
+    hessian = np.broadcast_to(beyond[:, :STATES], (batch, STATES, STATES + problem.lasting))
+    end = np.concatenate([state[-1] - target.state[-1], beside], axis=1)
     policy = backward(
         linear.A,
         linear.B,
@@ -73,7 +75,8 @@ def improved(
     states, commands = _rollouts(problem, state, command, policy, start, lasting, lengths, cut)
     aims = Target(*(values[:, None] for values in target))
     residual = problem.residual(states[:-1], commands, aims, slice(n))
-    end = np.concatenate([states[-1] - target.state[-1], lasting], axis=-1)
+    beside = np.broadcast_to(beside, (lengths.size, *beside.shape))
+    end = np.concatenate([states[-1] - target.state[-1], beside], axis=-1)
     costs = 0.5 * (residual**2).sum(axis=(0, -1)) + 0.5 * (end * apply(beyond, end)).sum(axis=-1)
     best, each = np.argmin(costs, axis=0), np.arange(batch)
     return Rollout(states[:, best, each], commands[:, best, each], costs[best, each])
@@ -105,15 +108,24 @@ def _rollouts(
     return states, commands
 
 
-def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArray]:
+def fit(
+    problem: TrackingProblem, target: Target, disturbance: FloatArray | None = None, passes: int = 0
+) -> tuple[FloatArray, FloatArray]:
     """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
 
-    Steps until the cost falls by less than a share of FITTED, but no more than FITTING_PASSES.
+    Args:
+        problem: model and stage cost.
+        target: what to come close to.
+        disturbance: (batch, width) which lasts; None: none.
+        passes: steps; 0: until the cost of none falls by a share of FITTED, at most FITTING_PASSES.
+            A batch of different simulations says how many, or they would depend on each other.
     """
     batch = target.state.shape[1]
-    size = STATES + DISTURBANCES
+    size = STATES + problem.lasting
+    if disturbance is None:
+        disturbance = np.zeros((batch, problem.width))
     plan = Rollout(target.state, target.command, np.full(batch, np.inf))
-    for _ in range(FITTING_PASSES):
+    for _ in range(passes or FITTING_PASSES):
         last = plan
         plan = improved(
             problem,
@@ -122,31 +134,39 @@ def fit(problem: TrackingProblem, target: Target) -> tuple[FloatArray, FloatArra
             target,
             np.zeros((batch, size, size)),
             start=last.state[0],
-            disturbance=np.zeros((batch, DISTURBANCES)),
+            disturbance=disturbance,
+            planned=disturbance,
             lengths=FITTING_LENGTHS,
         )
-        if not (plan.cost < (1.0 - FITTED) * last.cost).any():
+        if not passes and not (plan.cost < (1.0 - FITTED) * last.cost).any():
             break
     return plan.state, plan.command
 
 
 def lqr(
-    problem: TrackingProblem, state: FloatArray, command: FloatArray, decay: float
+    problem: TrackingProblem,
+    state: FloatArray,
+    command: FloatArray,
+    decay: FloatArray,
+    disturbance: FloatArray | None = None,
 ) -> RiccatiSolution:
-    """The time-varying LQR about a plan; its states (11) are the errors and the disturbances.
+    """The time-varying LQR about a plan; its states are the errors and the lasting disturbances.
 
     Args:
         problem: model and stage cost.
         state: (n + 1, batch, 7).
         command: (n, batch, 2).
-        decay: factor by which disturbances fall in a period.
+        decay: (lasting,) factor by which disturbances fall in a period.
+        disturbance: (batch, width) of the plan; None: none.
     """
-    linear = problem.linearise(state[:-1], command, np.zeros(DISTURBANCES))
+    if disturbance is None:
+        disturbance = np.zeros(problem.width)
+    linear = problem.linearise(state[:-1], command, disturbance)
     n, batch = linear.A.shape[:2]
-    size = STATES + DISTURBANCES
+    size = STATES + problem.lasting
     A, B = np.zeros((n, batch, size, size)), np.zeros((n, batch, size, INPUTS))
     A[..., :STATES, :STATES], A[..., :STATES, STATES:] = linear.A, linear.D
-    A[..., STATES:, STATES:] = decay * np.eye(DISTURBANCES)
+    A[..., STATES:, STATES:] = np.diag(decay)
     B[..., :STATES, :] = linear.B
     by_state = np.zeros((n, batch, RESIDUALS, size))
     by_state[..., :STATES] = problem.residual_by_state(state[:-1])

@@ -1,10 +1,11 @@
-"""Where the robot is now: the measurement, however old and noisy, and the commands since.
+"""Where the robot is now: from the measurement, however old and noisy, and the commands since.
 
 The sampled hybrid model predicts, the measurement corrects what was predicted *for its own time*,
 and the commands issued since are replayed. Beside the robot's state the observer learns what the
 model leaves out, taken as slowly varying: slip, to which the tyres' creep adds up (of P ahead and
 to the left, and of the heading), and an unexplained θ̈2 (hitch friction unlike the model's, a
-trailer unlike Table I).
+trailer unlike Table I). With a `learning.Learner` it also finds out what acts on the trailer, and
+how sure it is of that; the gains for the trailer are then the learner's.
 
 Gains are those of a steady Kalman filter, and scalar chains suffice for it: x, y and θ1 with their
 slip, and (θ2, θ̇2, unexplained θ̈2). Coupling between the chains, the trailer's swing under P's
@@ -22,6 +23,8 @@ import numpy as np
 from pydantic import Field
 from scipy.linalg import solve_discrete_are
 
+from ttwmr_mj.controllers.shared.learning import Learner
+from ttwmr_mj.dynamics.influence import DRAG
 from ttwmr_mj.dynamics.kinematics import (
     to_body,
     twist_from_wheels,
@@ -43,34 +46,52 @@ PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not 
 
 
 class ObserverOptions(Config):
-    """What the observer believes of its measurements and of the model's gaps.
+    """What the observer assumes about its measurements and the model's errors.
 
     Standard deviations per sample, and of random walks per square root of a second. The defaults
     are those of an overhead camera; they cost little where the measurement is better than that.
     """
 
-    position_std_m: float = Field(default=2e-4, gt=0, le=1, description="noise of x and y")
-    angle_std_rad: float = Field(default=1e-3, gt=0, le=1, description="noise of θ1 and θ2")
-    velocity_std_m_s: float = Field(default=0.01, gt=0, le=10, description="noise of ẋ and ẏ")
-    rate_std_rad_s: float = Field(default=0.05, gt=0, le=100, description="noise of θ̇1 and θ̇2")
+    position_std_m: float = Field(
+        default=2e-4, gt=0, le=1, description="measurement noise of x and y; typically 2e-4"
+    )
+    angle_std_rad: float = Field(
+        default=1e-3, gt=0, le=1, description="measurement noise of θ1 and θ2; typically 1e-3"
+    )
+    velocity_std_m_s: float = Field(
+        default=0.01, gt=0, le=10, description="measurement noise of ẋ and ẏ; typically 0.01"
+    )
+    rate_std_rad_s: float = Field(
+        default=0.05, gt=0, le=100, description="measurement noise of θ̇1 and θ̇2; typically 0.05"
+    )
     creep_walk_m_s: float = Field(
-        default=2e-3, gt=0, le=10, description="how fast the tyres' slip may change, per √s"
+        default=2e-3,
+        gt=0,
+        le=10,
+        description="random walk of the tyres' slip, per √s; typically 2e-3",
     )
     turn_creep_walk_rad_s: float = Field(
-        default=5e-3, gt=0, le=10, description="the same for the heading's slip, per √s"
+        default=5e-3,
+        gt=0,
+        le=10,
+        description="random walk of the heading's slip, per √s; typically 5e-3",
     )
     swing_walk_rad_s2: float = Field(
-        default=0.05, gt=0, le=100, description="how fast an unexplained θ̈2 may change, per √s"
+        default=0.05,
+        gt=0,
+        le=100,
+        description="random walk of the unexplained θ̈2, per √s; typically 0.05",
     )
 
 
 class Observed(NamedTuple):
-    """What the observer believes at a sample."""
+    """The observer's estimate at a sample."""
 
     body: FloatArray  # (nsim, 5) x, y, θ1, θ2, θ̇2
     wheels: FloatArray  # (nsim, 2) the servos' setpoints (right, left) [rad/s]
     slip: FloatArray  # (nsim, 3) of P ahead and to the left [m/s], of the heading [rad/s]
     unexplained: FloatArray  # (nsim,) θ̈2 that the model does not explain [rad/s²]
+    influence: FloatArray  # (nsim, 5) what acts on the trailer, known or found out
 
     def where(self, who: BoolArray, other: Observed) -> Observed:
         """This for some of the simulations (nsim,), the other for the rest."""
@@ -82,8 +103,14 @@ class Observed(NamedTuple):
 class Observer:
     """Filters and predicts, a batch at a time. Call `update` and `commanded` in turn."""
 
-    def __init__(self, robot: RobotParameters, model: SampledModel, options: ObserverOptions):
-        self._robot, self._model = robot, model
+    def __init__(
+        self,
+        robot: RobotParameters,
+        model: SampledModel,
+        options: ObserverOptions,
+        learner: Learner | None = None,
+    ) -> None:
+        self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
         self._push_rad, self._push_rad_s = PUSH * (angle + model.period_s * rate), PUSH * rate
@@ -109,9 +136,17 @@ class Observer:
 
     def commanded(self, wheels: FloatArray) -> Observed:
         """Take note of the command for the coming period; returns the state expected after it."""
-        self._past.append(self._predicted(self._past[-1], wheels))
+        now = self._past[-1]
+        if self.learner is not None:
+            velocity = self._model.velocity(now.body, now.wheels, now.slip)
+            self.learner.predict(now.body, velocity, self.hitch_rate(now))
+        self._past.append(self._predicted(now, wheels))
         self._commands.append(wheels)
         return self._past[-1]
+
+    def hitch_rate(self, now: Observed) -> FloatArray:
+        """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
+        return now.body[:, 4] - rolling_turn_rate(now.wheels, self._robot) - now.slip[:, 2]
 
     def _first(self, state: RobotState) -> Observed:
         twist = workspace_rate(state.q, state.q_rate)[..., :2]
@@ -120,14 +155,19 @@ class Observer:
             wheels=wheels_from_twist(twist, self._robot),
             slip=np.zeros((state.nsim, 3)),
             unexplained=np.zeros(state.nsim),
+            influence=np.tile(self._model.influence, (state.nsim, 1)),
         )
 
     def _predicted(self, now: Observed, command: FloatArray) -> Observed:
-        slip, unexplained = now.slip, now.unexplained
         body, wheels = self._model.advance(
-            now.body, now.wheels, command, slip=slip, unexplained=unexplained
+            now.body,
+            now.wheels,
+            command,
+            slip=now.slip,
+            unexplained=now.unexplained,
+            influence=None if self.learner is None else now.influence,
         )
-        return Observed(body, wheels, slip, unexplained)
+        return now._replace(body=body, wheels=wheels)
 
     def _corrected(self, now: Observed, measured: RobotState, due: BoolArray) -> Observed:
         """Correct the simulations that are due."""
@@ -147,10 +187,18 @@ class Observer:
         slip += np.stack([ahead, left, slopes[:, THETA1]], axis=1)
         body[:, 4] += slopes[:, THETA2]
         # cut, not left out: an unexplained θ̈2 that is wrong must be able to come back
-        trailer = np.clip(miss[:, THETA2], -self._push_rad, self._push_rad)
-        swinging = np.clip(drift[:, THETA2], -self._push_rad_s, self._push_rad_s)
-        more = change[0, THETA2] * trailer + change[1, THETA2] * swinging
-        return Observed(body, now.wheels, slip, now.unexplained + more)
+        cut = np.clip(miss[:, THETA2], -self._push_rad, self._push_rad)
+        cut_rate = np.clip(drift[:, THETA2], -self._push_rad_s, self._push_rad_s)
+        if self.learner is None:
+            more = change[0, THETA2] * cut + change[1, THETA2] * cut_rate
+            return Observed(body, now.wheels, slip, now.unexplained + more, now.influence)
+        gain = self.learner.gain(due)
+        seen = np.stack([miss[:, THETA2], drift[:, THETA2]], axis=1)
+        body[:, 3:] = now.body[:, 3:] + (gain[:, :2] @ seen[..., None])[..., 0]
+        slowly = (gain[:, 2:] @ np.stack([cut, cut_rate], axis=1)[..., None])[..., 0]
+        influence = now.influence + slowly[:, 1:]
+        influence[:, DRAG:] = np.maximum(influence[:, DRAG:], 0.0)  # nothing drives the trailer
+        return Observed(body, now.wheels, slip, now.unexplained + slowly[:, 0], influence)
 
 
 def rolling_turn_rate(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
@@ -170,13 +218,20 @@ def chain_gains(options: ObserverOptions, period_s: float) -> FloatArray:
     place = (options.position_std_m, options.velocity_std_m_s)
     angle = (options.angle_std_rad, options.rate_std_rad_s)
     slip, turn_slip = options.creep_walk_m_s * root, options.turn_creep_walk_rad_s * root
-    unexplained = options.swing_walk_rad_s2 * root
     gain = np.zeros((3, 2, 4))
     gain[:2, :, 0] = gain[:2, :, 1] = kalman_gain(slow, (MODEL_POSITION_STD_M, slip), place)
     gain[:2, :, THETA1] = kalman_gain(slow, (MODEL_ANGLE_STD_RAD, turn_slip), angle)
-    process = (MODEL_ANGLE_STD_RAD, MODEL_RATE_STD_RAD_S, unexplained)
-    gain[:, :, THETA2] = kalman_gain(swinging, process, angle)
+    gain[:, :, THETA2] = kalman_gain(swinging, process_std(options, period_s), angle)
     return gain
+
+
+def process_std(options: ObserverOptions, period_s: float) -> tuple[float, float, float]:
+    """What a period adds to θ2, θ̇2 and the unexplained θ̈2, as standard deviations."""
+    return (
+        MODEL_ANGLE_STD_RAD,
+        MODEL_RATE_STD_RAD_S,
+        float(options.swing_walk_rad_s2 * np.sqrt(period_s)),
+    )
 
 
 def kalman_gain(

@@ -1,16 +1,28 @@
 """What the laws that steer the trailer share: friction, observer, and the servos' limits."""
 
-from typing import TypeVar
+from typing import Annotated, TypeVar
 
 import numpy as np
+from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.observer import Observed, Observer, ObserverOptions
+from ttwmr_mj.controllers.shared.learning import Learnable, Learner
+from ttwmr_mj.controllers.shared.observer import Observed, Observer, ObserverOptions, process_std
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.state import FloatArray
+
+# Name and unit of what is learned, in the order of `dynamics.influence`.
+SIGNALS = (
+    ("gravity_x", "m_s2"),
+    ("gravity_y", "m_s2"),
+    ("rolling_resistance", "m"),
+    ("dry_friction", "n_m"),
+    ("viscous_friction", "n_m_s_rad"),
+)
 
 
 class SteeringOptions(ControllerOptions):
@@ -18,6 +30,10 @@ class SteeringOptions(ControllerOptions):
 
     friction: FrictionOptions = FrictionOptions()
     observer: ObserverOptions = ObserverOptions()
+    learn: Annotated[tuple[Learnable, ...], Field(strict=False)] = Field(
+        default=(),
+        description="what to find out on line and make up for; the belief is the first guess",
+    )
 
 
 OptionsT = TypeVar("OptionsT", bound=SteeringOptions)
@@ -27,15 +43,37 @@ class SteeringLaw(Law[OptionsT]):
     """A law on the observer's state."""
 
     def start(self, task: Task) -> None:
-        """Set up the hitch that is believed in, the sampled model and the observer."""
+        """Set up the assumed hitch, the sampled model and the observer."""
         self._nsim, self._period = task.nsim, task.sampling_time_s
-        self._friction = HitchFriction(task.robot, self._options.friction)
+        options, T = self._options, self._period
+        self._friction = HitchFriction(task.robot, options.friction, task.ground)
         self._robot = self._friction.believed
-        self._model = SampledModel(self._robot, self._period)
-        self._observer = Observer(self._robot, self._model, self._options.observer)
+        self._model = SampledModel(self._robot, T, ground=task.ground)
+        inertia = self._robot.swing_inertia_kg_m2
+        lever = self._robot.casters.radius_m / GRAVITY_M_S2
+        self._units = np.array([1.0, 1.0, lever, inertia, inertia])  # to those of SIGNALS
+        learner = None
+        if options.learn:
+            angle = options.observer.angle_std_rad, options.observer.rate_std_rad_s
+            process = process_std(options.observer, T)
+            learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
+        self._observer = Observer(self._robot, self._model, options.observer, learner)
+
+    def _signals(self, now: Observed) -> dict[str, FloatArray]:
+        """What was learned, and how sure that is, for the log."""
+        learner = self._observer.learner
+        if learner is None:
+            return {}
+        found, std = now.influence * self._units, learner.std() * self._units
+        return {
+            f"learned_{name}{what}_{unit}": values[:, i].copy()
+            for what, values in (("", found), ("_std", std))
+            for i, (name, unit) in enumerate(SIGNALS)
+            if learner.places[i]
+        }
 
     def _possible(self, wish: FloatArray, now: Observed) -> Command:
-        """The command closest to a wish (nsim, 2) [rad/s]; the observer takes note of it.
+        """The command closest to the desired one (nsim, 2) [rad/s]; the observer takes note of it.
 
         A wish at a limit counts as saturated: who optimises within the limits asks for no more.
         """
@@ -45,4 +83,9 @@ class SteeringLaw(Law[OptionsT]):
         speed = twist_from_wheels(wheels, self._robot)[:, 0]
         self._observer.commanded(wheels)
         near_singular = np.asarray(np.abs(speed) < NEAR_STANDSTILL_M_S)
-        return Command(wheels, saturated=np.asarray(cut), near_singular=near_singular)
+        return Command(
+            wheels,
+            saturated=np.asarray(cut),
+            near_singular=near_singular,
+            signals=self._signals(now),
+        )

@@ -18,6 +18,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.dynamics.influence import DRY, INFLUENCES
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -25,19 +26,30 @@ from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
 STATES, INPUTS, RESIDUALS = 7, 2, 6
-DISTURBANCES = SLIP + 1  # slip, and the unexplained θ̈2
+UNKNOWN = SLIP + 1  # slip, and the unexplained θ̈2
+# Where the law learns, what acts on the trailer is part of the disturbance, and differentiated but
+# for the hitch's friction, which is stiff (`friction`).
+LEARNED, SMOOTH = UNKNOWN + INFLUENCES, UNKNOWN + DRY
 STEP = 1e-5  # of the central differences: error of order 1e-10
 
 
 class TrackingWeights(Config):
-    """Scales of the tracking errors: one scale of one costs as much as one scale of another."""
+    """Scales of the tracking errors: an error of one scale costs 1, whichever error it is."""
 
     position_scale_m: float = Field(
-        default=0.01, gt=0, le=10, description="of the trailer's centre of oscillation"
+        default=0.01,
+        gt=0,
+        le=10,
+        description="error of the trailer's centre of oscillation that costs 1; typically 0.01",
     )
-    angle_scale_rad: float = Field(default=0.2, gt=0, le=100, description="of θ1 and θ2")
+    angle_scale_rad: float = Field(
+        default=0.2, gt=0, le=100, description="error of θ1 or θ2 that costs 1; typically 0.2"
+    )
     change_scale_rad_s: float = Field(
-        default=0.5, gt=0, le=1e3, description="of a wheel command's change in a period"
+        default=0.5,
+        gt=0,
+        le=1e3,
+        description="change of a wheel command in one period that costs 1; typically 0.5",
     )
 
 
@@ -59,7 +71,7 @@ class Linear(NamedTuple):
 
     A: FloatArray  # (..., 7, 7)
     B: FloatArray  # (..., 7, 2)
-    D: FloatArray  # (..., 7, 4) by slip and unexplained θ̈2
+    D: FloatArray  # (..., 7, lasting) by slip, unexplained θ̈2 and, where it is learned, gravity, c
 
 
 class TrackingProblem:
@@ -67,11 +79,20 @@ class TrackingProblem:
 
     Attributes:
         residual_by_command: (6, 2) derivative of r by the command, everywhere.
+        width: numbers of a disturbance: slip (3), unexplained θ̈2 and, with a law that learns, the
+            five of `dynamics.influence`.
+        lasting: how many of these the linear problem knows.
     """
 
     def __init__(
-        self, robot: RobotParameters, model: SampledModel, weights: TrackingWeights
+        self,
+        robot: RobotParameters,
+        model: SampledModel,
+        weights: TrackingWeights,
+        *,
+        learns: bool = False,
     ) -> None:
+        self.width, self.lasting = (LEARNED, SMOOTH) if learns else (UNKNOWN, UNKNOWN)
         self._robot, self._model, self._length = robot, model, robot.swing_length_m
         position, angle = 1.0 / weights.position_scale_m, 1.0 / weights.angle_scale_rad
         change = 1.0 / weights.change_scale_rad_s
@@ -100,15 +121,20 @@ class TrackingProblem:
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
-        """(..., 7) states one period later, under a disturbance (..., 4) that stays."""
+        """(..., 7) states one period later, under a constant disturbance (..., width)."""
         slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP]
         body, wheels = self._model.advance(
-            state[..., :BODY], state[..., BODY:], command, slip=slip, unexplained=unexplained
+            state[..., :BODY],
+            state[..., BODY:],
+            command,
+            slip=slip,
+            unexplained=unexplained,
+            influence=disturbance[..., UNKNOWN:] if self.width > UNKNOWN else None,
         )
         return np.concatenate([body, wheels], axis=-1)
 
     def within_limits(self, state: FloatArray, wish: FloatArray) -> FloatArray:
-        """(..., 2) a wish, cut to what the servos reach from a state (..., 7) in one period."""
+        """(..., 2) desired speeds, clipped to what the servos reach from a state in one period."""
         return self._model.within_limits(state[..., BODY:], wish)
 
     def residual(
@@ -141,13 +167,14 @@ class TrackingProblem:
         Args:
             state: (..., 7).
             command: (..., 2).
-            disturbance: (..., 4), or what broadcasts to it.
+            disturbance: (..., width), or what broadcasts to it.
         """
-        disturbance = np.broadcast_to(disturbance, (*state.shape[:-1], DISTURBANCES))
+        disturbance = np.broadcast_to(disturbance, (*state.shape[:-1], self.width))
         given = np.concatenate([state, command, disturbance], axis=-1)
-        width = given.shape[-1]
-        moved = given[..., None, :] + STEP * np.concatenate([np.eye(width), -np.eye(width)])
+        count = STATES + INPUTS + self.lasting
+        steps = STEP * np.eye(count, given.shape[-1])
+        moved = given[..., None, :] + np.concatenate([steps, -steps])
         after = self.next_state(*np.split(moved, [STATES, STATES + INPUTS], axis=-1))
-        slope = (after[..., :width, :] - after[..., width:, :]) / (2.0 * STEP)
+        slope = (after[..., :count, :] - after[..., count:, :]) / (2.0 * STEP)
         slope = np.swapaxes(slope, -1, -2)
         return Linear(*np.split(slope, [STATES, STATES + INPUTS], axis=-1))

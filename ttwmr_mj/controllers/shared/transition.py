@@ -1,7 +1,7 @@
-"""Feasible ways back onto a reference of the trailer's centre of oscillation F.
+"""Feasible recovery paths onto a reference of the trailer's centre of oscillation F.
 
-Far from the reference the flatness-based law asks for more than the servos give, and what it then
-does is nobody's plan. A way back asks for no more than they give: F_ref + p with
+Far from the reference the flatness-based law demands more than the servos can do, and nothing
+plans what the robot then does. A recovery path, here a way back, needs no more: F_ref + p with
 
     p(τ) = Σ_j e⁽ʲ⁾·Dʲ·h_j(τ/D),   h_j(s) = sʲ/j!·(1 − s)⁴·Σ_{i ≤ 3−j} C(3+i, i)·sⁱ,
 
@@ -10,11 +10,11 @@ Whoever follows it starts without error. F and F' are where the robot is; F'' mu
 trailer and F''' turn with it, F'' = a·t, F''' = a'·t + a·θ̇2·n, which leaves a and a' free: they are
 accelerations of P, and the wheels can change those within a period. So ways differ in D, a and a'.
 Flatness gives the whole motion along each at once; speeds and accelerations of the wheels and the
-size of a are compared with their limits. A way costs its duration, what it takes beyond the limits
-and how far it leads away; the cheapest is driven, until the law is cut again.
+size of a are compared with their limits. The cost of a way counts its duration, by how much it
+exceeds the limits and how far it leads away; the cheapest is followed until the next saturation.
 
-A start is recovered from, then, if one of the ways keeps the limits with room for the feedback, and
-the law that follows it stays within its own region. Where none does there is no promise.
+The law thus recovers from a start if one of the ways stays within the limits with a margin for the
+feedback, and the law that follows it stays within its own region. Otherwise there is no guarantee.
 """
 
 from math import comb, factorial
@@ -86,7 +86,13 @@ class WaysBack:
         return np.asarray((self._troubled >= PATIENCE) & (k - self._began > PATIENCE))
 
     def choose(
-        self, k: int, who: BoolArray, body: FloatArray, velocity: FloatArray, wheels: FloatArray
+        self,
+        k: int,
+        who: BoolArray,
+        body: FloatArray,
+        velocity: FloatArray,
+        wheels: FloatArray,
+        gravity: FloatArray,
     ) -> tuple[FloatArray, FloatArray] | None:
         """Give simulations a way from where they are; None near the end of the reference.
 
@@ -96,6 +102,7 @@ class WaysBack:
             body: (m, 5) x, y, θ1, θ2, θ̇2.
             velocity: (m, 2) P'.
             wheels: (m, 2) setpoints of the servos [rad/s].
+            gravity: (m, 2) along the floor [m/s²].
 
         Returns:
             (m,) a and a' to start with.
@@ -108,7 +115,8 @@ class WaysBack:
         a = self._sign * np.hypot(*now[2]) * self._size[usable]
         a_rate = a * self._turn_rate * self._rate[usable]
         error = self._flat_state(body, velocity, a, a_rate) - now[:4]
-        strain, away = self._strain(k, error, steps * self._period, wheels)
+        error[:, :, 2] += gravity
+        strain, away = self._strain(k, error, steps * self._period, wheels, gravity)
         angle = self._turn_rate * self._period * steps
         cost = EXCESS_RAD * np.maximum(strain - 1.0, 0.0) + AWAY_RAD * away / radius
         chosen = (angle[:, None] + cost).argmin(axis=0)
@@ -129,7 +137,12 @@ class WaysBack:
         return np.stack([*known, second, third], axis=2)
 
     def _strain(
-        self, k: int, error: FloatArray, duration_s: FloatArray, wheels: FloatArray
+        self,
+        k: int,
+        error: FloatArray,
+        duration_s: FloatArray,
+        wheels: FloatArray,
+        gravity: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """What ways take: the worst ratio to what they may take (c, m), and how far |p| gets [m].
 
@@ -138,6 +151,7 @@ class WaysBack:
             error: (c, m, 4, 2) e and its derivatives then.
             duration_s: (c,).
             wheels: (m, 2) setpoints then [rad/s].
+            gravity: (m, 2) along the floor [m/s²].
         """
         longest = round(float(duration_s.max()) / self._period)
         stride = max(longest // POINTS, 1)
@@ -145,7 +159,9 @@ class WaysBack:
         count = (window.size, *error.shape[:2])
         elapsed = np.broadcast_to(self._period * window[:, None, None], count)
         p = way_back(error, elapsed, np.broadcast_to(duration_s[:, None], count))
-        motion = motion_from_flat(self._flat[k + window, None] + p, self._sign, self._robot)
+        pull = np.zeros((len(gravity), ORDERS - 2, 2))
+        pull[:, 0] = gravity
+        motion = motion_from_flat(self._flat[k + window, None] + p, self._sign, self._robot, pull)
         speeds = wheels_from_twist(motion.twist, self._robot)
         change = np.abs(np.diff(speeds, axis=0)).max(axis=(0, -1)) / (stride * self._period)
         # at the start a and a' may jump: two periods for it

@@ -4,7 +4,7 @@ The article inverts v1 = u̇1·cos θ1 − u1·u2·sin θ1, v2 = u̇1·sin θ1 +
 (u̇1, u2), which divides by u1, and the robot starts at rest. Over one period T the same map reads:
 the velocity P shall have at the period's end is w = u1·(cos θ1, sin θ1) + T·v; its length is the
 next u1, and turning towards it takes u2 = Δ/T, with Δ the angle from the heading to w. As T → 0 it
-is Eq. 27-28; at standstill it turns the robot on the spot, at the rate the servos can brake. The
+is Eq. 27-28; at standstill it turns the robot on the spot, no faster than the servos can brake. The
 robot never reverses: where w points backward it stops and turns.
 """
 
@@ -24,8 +24,8 @@ class AccelerationToWheels:
     """The map from (v1, v2) to wheel speeds, with u1, the commanded speed of P, as its state.
 
     The first sample takes u1 and the wheel speeds from the estimate: a robot may start in motion.
-    What the servo cannot do is cut and flagged: turning has priority over driving, and u1 goes on
-    from what was really commanded, so that nothing winds up.
+    What exceeds the servo's limits is clipped and flagged: turning has priority over driving, and
+    u1 goes on from what was really commanded, so that nothing winds up.
     """
 
     def __init__(self, robot: RobotParameters, sampling_time_s: float, nsim: int) -> None:

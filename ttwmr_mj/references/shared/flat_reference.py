@@ -20,13 +20,13 @@ class FlatReference(Reference):
 
     The trailer may point either way along F'' (`dynamics.flatness`). Outside, P runs between F and
     the centre of curvature and the trailer's swing is stable; inside, P runs around F and the
-    trailer falls over outwards if nobody holds it.
+    trailer swings outwards unless it is stabilised.
     """
 
     side: Literal["outside", "inside"] = Field(
-        default="outside", description="where the trailer is, seen from P; inside is unstable"
+        default="outside", description="side of P on which the trailer is; inside is unstable"
     )
-    centre_m: Point = Field(default=(0.0, 0.0), description="(x, y) of the curve's centre")
+    centre_m: Point = Field(default=(0.0, 0.0), description="centre of the curve (x, y)")
 
     @abstractmethod
     def flat_derivatives(self, time_s: FloatArray) -> FloatArray:

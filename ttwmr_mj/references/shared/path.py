@@ -78,3 +78,15 @@ class ReferencePath:
     def theta2_rad(self) -> FloatArray:
         """(n, batch) orientation of the trailer, NaN where undefined."""
         return self.theta[..., 1]
+
+    def after(self, k: int) -> "ReferencePath":
+        """The same from sample k on."""
+        flat = self.flat_derivatives
+        return ReferencePath(
+            self.time_s[k:],
+            self.derivatives[k:],
+            self.theta[k:],
+            self.theta_rate[k:],
+            self.theta_acceleration[k:],
+            None if flat is None else flat[k:],
+        )

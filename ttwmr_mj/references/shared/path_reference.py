@@ -21,7 +21,7 @@ class PathReference(Reference):
     """Motion of P along a path p(σ) with σ = σ(t), and the two angles that go with it.
 
     θ1 is the direction of the path's tangent p'(σ), which exists at standstill too; paths are
-    regular (p' ≠ 0) and σ never decreases, so the tractor drives forward. θ2 is asked for by
+    regular (p' ≠ 0) and σ never decreases, so the tractor drives forward. θ2 is chosen by
     name, as Eq. 24 leaves it free:
 
     - aligned: θ2 = θ1. Behind the tractor; on a curve this is no equilibrium of a free trailer.
@@ -33,15 +33,15 @@ class PathReference(Reference):
 
     theta2: Theta2Option = Field(
         default="none",
-        description="reference of θ2: along the tractor, radially outward as a free trailer "
-        "settles on a circle, or none",
+        description="reference of θ2: along the tractor (aligned), radially outward as a free "
+        "trailer settles on a circle (outward), or none",
     )
     ramp_s: float = Field(
         default=0.0,
         ge=0,
         le=600,
-        description="duration of a smooth start from rest, typically 1 to 5; 0 starts at full "
-        "speed",
+        description="duration of the smooth start from rest; typically 1 to 5, 0 starts at "
+        "full speed",
     )
 
     @abstractmethod

@@ -17,7 +17,7 @@ Point = Annotated[tuple[float, float], Field(strict=False)]
 Length = Annotated[float, Field(gt=0, le=100)]
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 Rate = Annotated[
-    float, Field(ge=-50, le=50, description="positive: counter-clockwise; typically 0.1 to 1")
+    float, Field(ge=-50, le=50, description="rate, positive counter-clockwise; typically 0.1 to 1")
 ]
 
 

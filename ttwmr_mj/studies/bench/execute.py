@@ -34,7 +34,7 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
 def run_suite(
     suite: Suite, folder: Path, *, workers: int | None = None, progress: Progress | None = None
 ) -> None:
-    """Run every row that is not there as it would be made now; stopped, it goes on when called.
+    """Run every row whose result is missing or outdated; after an interruption, call it again.
 
     Args:
         suite: what to run.

@@ -11,18 +11,19 @@ from ttwmr_mj.studies.bench.suite import AXES
 
 HEAD = ["controller", *COLUMNS, "failures", "verdict"]
 RULES = (
-    "Errors are rms over the second half of a run; over seeds the median, “worst” the worst.",
-    "“trailer” is its centre of mass; “settled” the time from which P stays within 10 mm, “–” if "
-    "it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it broke off, or came to "
-    "its end and was lost. Failures count both.",
-    "Numbers are over the runs that came to their end, lost ones too.",
+    "Errors are rms over the second half of a run; the median over seeds, or the largest in "
+    "columns named “worst”.",
+    "“trailer” is the trailer's centre of mass; “settled” is the time after which P stays within "
+    "10 mm, “–” if it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
+    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it ended early, or "
+    "finished and was lost.",
+    "Errors cover all runs that finished, lost ones included.",
     "Ranked by failures, then by the trailer's error.",
-    "Control time is wall time per sample on the machine as it was, several runs at once.",
+    "Control time is wall time per sample, measured with several runs at once.",
 )
 OVERVIEW = (
     "Trailer rms, mm, median over seeds: the best of each row in bold, the verdict where all runs "
-    "failed, empty what is not in the suite. Controllers with fewer failures first."
+    "failed, empty if not in the suite. Controllers with fewer failures first."
 )
 
 

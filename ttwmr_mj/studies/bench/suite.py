@@ -1,4 +1,4 @@
-"""A suite: which controllers meet which tasks, plants, sensors and disturbances.
+"""A suite: which controllers are run on which tasks, plants, sensors and disturbances.
 
 A suite file names the choices on each axis and what each changes in a scenario. Rows are the
 product of the axes, or of those parts of them that `[[block]]` tables pick:
@@ -42,10 +42,13 @@ class Choice(Config):
 
     scenario: str | None = Field(
         default=None,
-        description="tasks only: the scenario to start from, shipped or beside the suite",
+        description="the scenario to start from (tasks only): a shipped one, or a file next "
+        "to the suite",
     )
-    overrides: list[str] = Field(default=[], description="key.path=value, as in --set")
-    skip: list[str] = Field(default=[], description="names on other axes it is not combined with")
+    overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
+    skip: list[str] = Field(
+        default=[], description="names on other axes that this choice is not combined with"
+    )
 
 
 class Block(Config):
@@ -56,7 +59,9 @@ class Block(Config):
     plant: Picked | None = None
     sensing: Picked | None = None
     disturbance: Picked | None = None
-    seeds: Seeds | None = Field(default=None, description="the suite's where left out")
+    seeds: Seeds | None = Field(
+        default=None, description="seeds of this block; default: the suite's"
+    )
 
 
 class Suite(Config):
@@ -64,12 +69,14 @@ class Suite(Config):
 
     name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
     description: str = ""
-    seeds: Seeds = Field(default=[0], description="one run each; more where something is random")
+    seeds: Seeds = Field(
+        default=[0], description="one run per seed; several where something is random"
+    )
     timeout_s: float = Field(
         default=300.0,
         gt=0,
         le=86_400,
-        description="wall time after which a run is killed; several times that of a slow one",
+        description="wall time after which a run is killed; several times that of a slow run",
     )
     controller: dict[Name, Choice] = Field(min_length=1)
     task: dict[Name, Choice] = Field(min_length=1)
@@ -209,6 +216,6 @@ def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
             faults.append(Fault(key=(f"row {row.key}",), problem=str(error)))
     if faults:
         count = "1 row" if len(faults) == 1 else f"{len(faults)} rows"
-        hint = "a choice's `skip`, or blocks, leave out what does not go together"
+        hint = "exclude combinations that do not go together with `skip` or blocks"
         raise InputError(f"{count} cannot run; {hint}", *faults)
     return scenarios

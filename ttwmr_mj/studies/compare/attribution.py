@@ -7,18 +7,18 @@ both plants, under one command history. The ideal is δ(∅), the full model δ(
     removed    O = δ(all − d) − δ(all − d − {e})  d: what needs e, else nothing
 
 Both are vectors over time, so they add. Half their sum, C = (A + O)/2, is e's Shapley value as far
-as interactions of two effects go: each is shared evenly by its two. What three and more do together
-is the row of higher interactions, H = δ(all) − δ(∅) − Σ C. What is left is the unexplained rest R:
+as interactions of two effects go: each is shared evenly by the two. What three or more do together
+is the row of higher interactions, H = δ(all) − δ(∅) − Σ C. The unexplained remainder is R:
 
     δ(all) = Σ C + H + R
 
-Three effects cannot be switched off whole: the ideal still has a step, a stiffness, balls of some
-mass. Near the ideal the deviation is proportional to them (`convergence` measures it), so their A
-is extrapolated from the share that was removed to all of it, and the rest is δ(∅) less what this
+Three effects cannot be switched off completely: the ideal still has a step, a stiffness, balls of
+some mass. Near the ideal the deviation is proportional to them (`convergence` measures it), so
+their A is extrapolated from the share that was removed to all of it, and R is δ(∅) less what this
 adds.
 
-To make numbers of it, each is projected on the total: c = ⟨C, δ⟩/‖δ‖², times the rms of δ. The
-column adds up to the total, exactly. A negative contribution works against the total.
+To get numbers, each is projected onto the total: c = ⟨C, δ⟩/‖δ‖², times the rms of δ. The column
+adds up to the total, exactly. A negative contribution reduces the total.
 """
 
 from dataclasses import dataclass
@@ -64,7 +64,7 @@ class Contribution:
 
 @dataclass(frozen=True, slots=True)
 class Attribution:
-    """Who contributes what.
+    """What each effect contributes to the deviation.
 
     Attributes:
         present: effects the scenario has; the others contribute nothing.
@@ -84,21 +84,22 @@ class Attribution:
         return {"present": list(self.present), **tables, "notes": notes}
 
     def note(self, quantity: str) -> str | None:
-        """Why the rest is more than a tenth of the total; None if it is not."""
+        """Why the remainder is more than a tenth of the total; None if it is not."""
         *effects, _, rest, _ = self.tables[quantity]
         if rest.share is None or abs(rest.share) <= EXPLAINED_REST:
             return None
         trailer = self.tables["theta2"][-1].rms
         if trailer > LARGE_RAD:
             return (
-                f"the rest is large because the trailers are {trailer:.2g} rad apart and pull in "
-                "other directions: where small effects decide which way an unstable or spinning "
-                "trailer goes, they do not add up; look at a shorter time (--set duration_s=...)"
+                f"the remainder is large because the trailers are {trailer:.2g} rad apart and pull "
+                "in different directions: where small effects decide which way an unstable or "
+                "spinning trailer goes, they do not add up; compare over a shorter time "
+                "(--set duration_s=...)"
             )
         gross = sum(abs(row.size) for row in effects)
         return (
-            "the rest is large beside the total because effects cancel; it is "
-            f"{100 * abs(rest.size) / gross:.1f} % of their sum without signs"
+            "the remainder is large relative to the total because effects cancel; it is "
+            f"{100 * abs(rest.size) / gross:.1f} % of the sum of their magnitudes"
         )
 
 

@@ -1,4 +1,4 @@
-"""Does contact physics become the ideal model as it becomes ideal, and how fast?
+"""Does contact physics converge to the ideal model as its parameters do, and how fast?
 
 At level j the step, the contacts' time constant, the balls' mass and the inverse of the servo's
 gain are those of the scenario divided by 2^j. Hitch and wheel shape stay. The order p says how the

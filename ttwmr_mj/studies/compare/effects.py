@@ -1,4 +1,4 @@
-"""What contact physics has and the ideal model has not, and how each is switched off."""
+"""Effects of contact physics that the ideal model lacks, and how each is switched off."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from ttwmr_mj.studies.compare.variants import changed
 
 Values = dict[str, Any]
 
-IDEAL_STEPS = 4  # in one step of the scenario: more cost time and shrink the unexplained rest
+IDEAL_STEPS = 4  # in one step of the scenario: more cost time and shrink the unexplained remainder
 LEAST_STEPS = 2  # in a time constant: MuJoCo allows no stiffer contact
 IDEAL_SERVO_GAIN = 1e3  # N·m·s/rad: the wheels lag by a millionth of a second
 IDEAL_STALL_TORQUE_N_M = 1e3  # a stiff servo that saturates would bang from limit to limit

@@ -85,7 +85,7 @@ def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:
     rows = replay(scenario, commands, plant)
     if plant.failed().any():
         raise RunError(
-            f"{scenario.name}: contact physics broke while replaying commands: {plant.fault(0)}"
+            f"{scenario.name}: contact physics failed while replaying commands: {plant.fault(0)}"
         )
     return rows
 
@@ -121,7 +121,7 @@ def follow_wheels(run: ContactRun) -> Trajectory:
         tiled = [np.concatenate([part[:, which]] * len(states), axis=1) for part in stretches]
         twists = np.tile(twist[:-1][which], (len(states), 1))
         q, swing_rate = states[..., :-1].reshape(-1, 4), states[..., -1].ravel()
-        plant = AnalyticPlant(robot, len(q), *timing)
+        plant = AnalyticPlant(robot, len(q), *timing, ground=scenario.ground)
         plant.reset(RobotState(q, q_rate(q, np.column_stack([twists, swing_rate]))))
         plant.follow(Stretches(*tiled), np.tile(speeds[1:][which], (len(states), 1)))
         now = plant.state()

@@ -1,4 +1,4 @@
-"""The two runs of a comparison, and scenarios that the plants cannot understand in the same way."""
+"""The two runs of a comparison, and scenarios that do not mean the same on both plants."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -64,12 +64,12 @@ def run_pair(
         scenario: what to run; its plant.kind does not matter.
         mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
             each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds.
+        real_wheels: in open loop, drive the analytic model with the actual wheel speeds.
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
-        InputError: the plants cannot mean the same thing.
-        RunError: a run broke.
+        InputError: the scenario does not mean the same on both plants.
+        RunError: a run failed.
     """
     refuse_unlike(scenario)
     contact = motion.run_contact(scenario, scenario_folder)
@@ -91,10 +91,10 @@ def known_numbers() -> list[str]:
 
 
 def refuse_unlike(scenario: Scenario) -> None:
-    """Check that both plants mean the same thing by this scenario.
+    """Check that this scenario means the same on both plants.
 
     Raises:
-        InputError: they do not; every key is named.
+        InputError: it does not; every key is named.
     """
     plant, hitch = scenario.plant, scenario.robot.hitch
     faults = []
@@ -103,7 +103,7 @@ def refuse_unlike(scenario: Scenario) -> None:
         faults.append(Fault(key=("plant", *key), got=got, problem=problem, hint=hint))
 
     if plant.pushes:
-        problem = "the analytic plant's tractor moves as told and cannot be pushed"
+        problem = "the analytic plant's tractor follows its commands exactly and cannot be pushed"
         refuse("pushes", got=str(len(plant.pushes)), problem=problem, hint="leave the pushes out")
     if scene := plant.contact.model_path:
         problem = "the analytic plant knows only a flat floor and the robot of this scenario"

@@ -10,7 +10,7 @@ from ttwmr_mj.dynamics.extended import driven_inertia
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
-from ttwmr_mj.dynamics.kinetics import first_moments, kinetic_energy
+from ttwmr_mj.dynamics.kinetics import first_moments, gravity, kinetic_energy
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
@@ -30,8 +30,9 @@ class Residuals:
         lateral_speed_m_s: (n,) Eq. 3: speed of P towards the tractor's right.
         trailer_torque_n_m: (n,) Eq. 17: torque about P that the trailer's motion lacks, mean over
             the period before; zero at the start.
-        energy_lost_j: (n,) work of the servos minus kinetic energy gained (Eq. 13, wheels' spin
-            included), minus what the hitch stores and burns: friction, slip, rolling resistance.
+        energy_lost_j: (n,) work of the servos and of gravity along the floor minus kinetic energy
+            gained (Eq. 13, wheels' spin included), minus what the hitch stores and burns: friction,
+            slip, rolling resistance.
     """
 
     time_s: FloatArray
@@ -74,9 +75,13 @@ class Residuals:
 
 
 def _trailer_torque(run: ContactRun) -> FloatArray:
-    """(J2 + m2·l²)·θ̈2 + m2·l·(ẍ sin θ2 − ÿ cos θ2) − T, averaged over each period (Eq. 17)."""
+    """(J2 + m2·l²)·θ̈2 + m2·l·(ẍ sin θ2 − ÿ cos θ2) − T, averaged over each period (Eq. 17).
+
+    On a slope, gravity's pull is taken off ẍ and ÿ.
+    """
     robot, step = run.robot, run.scenario.plant.contact.timestep_s
     acceleration = np.diff(run.physics.q_rate, axis=0) / step
+    acceleration[:, :2] -= run.scenario.ground.gravity_m_s2
     theta2 = _mid_step(run.physics.q[:, THETA2])
     _, tail = first_moments(robot)
     swing = robot.swing_inertia_kg_m2 * acceleration[:, THETA2]
@@ -103,6 +108,8 @@ def _energy_lost(run: ContactRun) -> FloatArray:
     torque = np.clip(torque, -servo.stall_torque_n_m, servo.stall_torque_n_m)
     power = (torque * end_speed).sum(axis=1)
     power += _hitch_torque(run) * _mid_step(hitch_angles(rate)[:, 0])
+    weight = gravity(q, run.scenario.ground.gravity_m_s2, robot)
+    power -= _mid_step((weight * rate).sum(axis=1))
     return np.asarray(np.append(0.0, np.cumsum(step * power)) - (kinetic - kinetic[0]))
 
 

@@ -25,13 +25,13 @@ UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first th
 
 @dataclass(frozen=True, slots=True)
 class Options:
-    """What is asked of a comparison.
+    """What a comparison shall do.
 
     Attributes:
         mode: "open_loop" gives both plants the commands of the contact run, "closed_loop" runs
             each under its own controller.
-        real_wheels: in open loop, drive the analytic model by the wheels' real speeds, not by
-            their commands: what is left is slip, without the servo.
+        real_wheels: in open loop, drive the analytic model with the actual wheel speeds, not
+            the commanded ones: only slip is left, without the servo.
         attribute: make the attribution tables (always in open loop, under commands).
         converge: make the convergence study.
         fit: fit the extended model.
@@ -82,7 +82,7 @@ def compare_scenario(
     Args:
         scenario: what to run.
         folder: an existing folder for the files.
-        options: what is asked.
+        options: what to do.
         scenario_folder: where a custom controller is looked for first.
         command_line: for the manifest.
         progress: called with the share of the work done.
@@ -162,18 +162,18 @@ def _write(
 def _refuse_contradictions(options: Options) -> None:
     if options.real_wheels and options.mode == "closed_loop":
         problem = (
-            "drives the analytic model in the open loop; with --mode closed_loop its own "
-            "controller does"
+            "drives the analytic model in open loop, but with --mode closed_loop its own "
+            "controller drives it"
         )
         raise InputError.at("--real-wheels", problem, hint="leave one of them out")
     if (name := options.validate_on) and not options.fit:
-        raise InputError.at("--validate-on", "there is no fit", got=name, hint="add --fit")
+        raise InputError.at("--validate-on", "nothing is fitted", got=name, hint="add --fit")
 
 
 def _driver(options: Options) -> str:
     if options.mode == "closed_loop":
         return "its own controller"
-    return "real wheel speeds" if options.real_wheels else "commands"
+    return "actual wheel speeds" if options.real_wheels else "commands"
 
 
 def _unseen(scenario: Scenario, options: Options) -> Scenario:
@@ -182,7 +182,7 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
     other = load_scenario(name)
     if other.name == scenario.name:
         problem = (
-            f"the fit is made on {scenario.name}; it is validated on a scenario it does not see"
+            f"the model is fitted on {scenario.name} and must be validated on another scenario"
         )
         raise InputError.at("--validate-on", problem, got=name, hint="name another one")
     refuse_unlike(other)

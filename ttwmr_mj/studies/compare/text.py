@@ -9,17 +9,17 @@ from ttwmr_mj.studies.compare.effects import EFFECTS
 ROWS = (
     ("position_deviation_max_m", "P, largest deviation", 1e3, "mm"),
     ("position_deviation_rms_m", "P, rms deviation", 1e3, "mm"),
-    ("position_deviation_per_path", "P, largest deviation per path", 1e6, "µm/m"),
+    ("position_deviation_per_path", "P, largest deviation per path length", 1e6, "µm/m"),
     ("theta1_deviation_max_rad", "θ1, largest deviation", 1e3, "mrad"),
     ("theta2_deviation_max_rad", "θ2, largest deviation", 1e3, "mrad"),
     ("theta2_deviation_rms_rad", "θ2, rms deviation", 1e3, "mrad"),
     ("constraint_residual_max_m_s", "side slip of P (Eq. 3), largest", 1e3, "mm/s"),
-    ("trailer_equation_residual_rms_n_m", "trailer's torque (Eq. 17), rms residual", 1e6, "µN·m"),
+    ("trailer_equation_residual_rms_n_m", "trailer torque (Eq. 17), rms residual", 1e6, "µN·m"),
     ("energy_residual_final_j", "energy lost to the floor", 1e3, "mJ"),
 )
 NAMES = {effect.name: effect.text for effect in EFFECTS} | {
-    "higher_interactions": "three effects and more together",
-    "rest": "unexplained rest",
+    "higher_interactions": "three and more effects together",
+    "rest": "unexplained remainder",
     "total": "total (rms)",
 }
 SYMBOLS = {"position": "P", "theta2": "θ2"}  # the quantities that are explained
@@ -39,7 +39,7 @@ def plain(report: dict[str, Any]) -> str:
         numbers = {
             "order of convergence of P": study["order"]["position_deviation_max_m"],
             "order of convergence of θ2": study["order"]["theta2_deviation_max_rad"],
-            "P per path at the finest level": study["position_deviation_per_path"][-1],
+            "P per path length at the finest level": study["position_deviation_per_path"][-1],
         }
         lines += ["", *_aligned([(label, _number(value)) for label, value in numbers.items()])]
     if fit := report["fit"]:
@@ -48,7 +48,7 @@ def plain(report: dict[str, Any]) -> str:
             low, high = e["confidence_95"]
             lines.append(f"  {name:34s} {e['value']:.6g}  [{low:.6g}, {high:.6g}]")
         unseen, factors = fit["validation"]["scenario"], fit["validation"]["factor"]
-        lines.append(f"on {unseen}, which it did not see, deviations fell by")
+        lines.append(f"on {unseen}, which was not used for the fit, deviations fell by")
         lines += [f"  {name:34s} {v:.1f} ×" for name, v in factors.items()]
     return "\n".join(lines)
 
@@ -71,7 +71,7 @@ def markdown(report: dict[str, Any]) -> str:
 
 
 def percent(share: float | None) -> str:
-    """A share as text, without a negative nothing; nothing at all where it is undefined."""
+    """A share as text, never as "-0.0 %"; empty where it is undefined."""
     return "" if share is None else f"{round(100 * share, 1) + 0.0:.1f} %"
 
 

@@ -23,7 +23,7 @@ def study_file(out: Path, name: str) -> Path:
 
 
 def missing_tasks(out: Path, runs: Iterable[str], studies: Iterable[str]) -> list[Work]:
-    """What is not there as it would be made now.
+    """The tasks whose results are missing or outdated.
 
     Args:
         out: the reproduction's folder.

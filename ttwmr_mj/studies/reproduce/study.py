@@ -26,7 +26,7 @@ class Reproduction:
 
 
 def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) -> Reproduction:
-    """Reproduce the article into a folder; what is finished there already is used again.
+    """Reproduce the article into a folder; results that are finished and up to date are reused.
 
     Args:
         out: the folder; made if missing.
@@ -82,9 +82,9 @@ def _check_folder(out: Path) -> None:
     if strangers:
         raise InputError.at(
             "--out",
-            f"the folder holds something else ({strangers[0]})",
+            f"the folder holds other files ({strangers[0]})",
             got=str(out),
-            hint="give an empty one, or that of an earlier reproduction, which is then continued",
+            hint="give an empty folder, or that of an earlier reproduction, which then resumes",
         )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
@@ -52,8 +52,8 @@ def track(
         source: a video file, or a camera's index.
         calibration_path: a file of `ttwmr calibrate`.
         folder: for the files; it exists.
-        robot: in the pictures.
-        max_frames: stop after so many; None: at the end.
+        robot: the robot in the pictures.
+        max_frames: stop after this many; None: at the end.
         progress: called with the number of frames done.
 
     Raises:
@@ -79,7 +79,8 @@ def track(
         except KeyboardInterrupt:  # how one ends a camera's stream
             pass
     if not rows:
-        raise InputError(f"{source}: no frame was read; is the video empty or damaged?")
+        problem = "no frame could be read; the video may be empty or damaged"
+        raise InputError(Fault(problem=problem), file=source)
     _write(rows, folder / "poses.parquet")
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
 

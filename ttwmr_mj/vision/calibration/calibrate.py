@@ -86,7 +86,7 @@ def calibrate(
     except cv2.error as error:
         raise InputError.at(
             "calibration",
-            f"the views determine no camera ({error.err})",
+            f"the views do not determine a camera ({error.err})",
             hint="tilt the board in more of them",
         ) from error
     solved = np.asarray(matrix, dtype=np.float64)

@@ -43,7 +43,8 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     try:
         write_text(path, storage.releaseAndGetString())
     except OSError as error:
-        raise InputError(f"{path}: cannot be written: {error.strerror}") from error
+        fault = Fault(problem=f"cannot be written: {error.strerror}")
+        raise InputError(fault, file=str(path)) from error
 
 
 def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Calibration:
@@ -57,20 +58,23 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
         InputError: missing, unreadable, incomplete or impossible content, or another resolution.
     """
     if not path.is_file():
-        raise InputError(f"{path}: no such calibration file; {FIX}")
+        raise InputError(Fault(problem="no such calibration file", hint=FIX), file=str(path))
     try:
         text = path.read_text(encoding="utf-8")
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         calibration = _read(storage, path)
     # OpenCV's binding raises the one or the other
     except (OSError, ValueError, cv2.error, SystemError) as error:
-        raise InputError(f"{path}: cannot be read as OpenCV YAML; {FIX}") from error
+        unreadable = Fault(problem="cannot be read as OpenCV YAML", hint=FIX)
+        raise InputError(unreadable, file=str(path)) from error
     camera = calibration.camera
     if size_px is not None and size_px != (camera.width_px, camera.height_px):
-        raise InputError(
-            f"{path}: calibrated at {camera.width_px}×{camera.height_px} px, but the images have "
-            f"{size_px[0]}×{size_px[1]}; calibrate at the resolution that is used"
+        unlike = Fault(
+            problem=f"calibrated at {camera.width_px}×{camera.height_px} px, but the images have "
+            f"{size_px[0]}×{size_px[1]} px",
+            hint="calibrate at the resolution that is used",
         )
+        raise InputError(unlike, file=str(path))
     return calibration
 
 
@@ -78,7 +82,7 @@ def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
     value = {key: _value(storage.getNode(key), key, path) for key in CONTENT}
     matrix, rotation = value["camera_matrix"], value["rotation_world_to_camera"]
     if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE):
-        raise _fault(path, "rotation_world_to_camera", problem="is not a rotation")
+        raise _fault(path, "rotation_world_to_camera", problem="is not a rotation matrix")
     if min(matrix[0, 0], matrix[1, 1]) <= 0:
         raise _fault(path, "camera_matrix", problem="has a focal length that is not positive")
     camera = CameraModel(
@@ -102,10 +106,11 @@ def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
     number = node.isReal() or node.isInt()
     content = node.real() if number else node.mat() if node.isMap() else None
     if content is None or np.shape(content) != shape or not np.isfinite(content).all():
-        got = "no number or matrix" if content is None else f"shape {np.shape(content)}"
-        raise _fault(path, key, got=got, allowed=f"finite numbers of shape {shape}")
+        got = "neither a number nor a matrix" if content is None else f"shape {np.shape(content)}"
+        allowed = f"finite numbers of shape {shape}" if shape else "a finite number"
+        raise _fault(path, key, got=got, allowed=allowed)
     if key in COUNTS and not (content >= 1 and float(content).is_integer()):
-        raise _fault(path, key, got=f"{content:g}", allowed="a whole number from 1")
+        raise _fault(path, key, got=f"{content:g}", allowed="a whole number, 1 or more")
     return np.array(content, dtype=np.float64)
 
 

@@ -42,7 +42,7 @@ class LensMap:
         if not np.abs(camera.to_pixels(tangent) - pixel).max() < FOLD_PX:
             raise InputError.at(
                 "sensing.camera.lens",
-                "this distortion folds the picture: pixels near its border see no single ray",
+                "this distortion folds the image: near the border a pixel has no unique ray",
                 got=", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion)),
                 allowed="weaker coefficients, or a longer focal length",
             )

@@ -25,16 +25,24 @@ LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_r
 class Lens(Config):
     """Brown-Conrady distortion, where the optical axis meets the sensor, and focus."""
 
-    k1: Radial = Field(default=0.0, description="radial, r²; below 0 a barrel, typically -0.1")
-    k2: Radial = Field(default=0.0, description="radial, r⁴; typically 0.05")
-    p1: Tangential = Field(default=0.0, description="tangential; typically 0.0005")
-    p2: Tangential = Field(default=0.0, description="tangential; typically 0.0005")
-    k3: Radial = Field(default=0.0, description="radial, r⁶; for wide lenses only")
+    k1: Radial = Field(
+        default=0.0,
+        description="radial distortion, r²; negative for barrel distortion, typically -0.1",
+    )
+    k2: Radial = Field(default=0.0, description="radial distortion, r⁴; typically 0.05")
+    p1: Tangential = Field(default=0.0, description="tangential distortion; typically 0.0005")
+    p2: Tangential = Field(default=0.0, description="tangential distortion; typically 0.0005")
+    k3: Radial = Field(default=0.0, description="radial distortion, r⁶; for wide-angle lenses only")
     principal_offset_px: Pair = Field(
-        default=(0.0, 0.0), description="optical axis from the picture's centre: right, down; a few"
+        default=(0.0, 0.0),
+        description="offset of the principal point from the image centre (right, down); "
+        "typically a few pixels",
     )
     defocus_px: float = Field(
-        default=0.0, ge=0, le=20, description="blur: Gaussian standard deviation; 0.6 in the lab"
+        default=0.0,
+        ge=0,
+        le=20,
+        description="defocus blur: standard deviation of a Gaussian; 0.6 in the lab",
     )
 
 
@@ -42,38 +50,53 @@ class Exposure(Config):
     """How long the shutter is open; a frame's time is the middle of its exposure."""
 
     exposure_s: float = Field(
-        default=0.0, ge=0, le=1, description="0: no motion blur; 0.008 in the lab"
+        default=0.0,
+        ge=0,
+        le=1,
+        description="exposure time, which causes motion blur; 0: none, 0.008 in the lab",
     )
     blur_step_px: float = Field(
-        default=0.4, gt=0, le=10, description="motion between two of the averaged instants"
+        default=0.4,
+        gt=0,
+        le=10,
+        description="motion blur is averaged over instants; largest motion between two of "
+        "them; typically 0.4 to 0.8",
     )
 
 
 class Noise(Config):
-    """What the electronics add."""
+    """Noise of the sensor's electronics."""
 
     read_noise: Share = Field(
-        default=0.0, description="standard deviation at any light; typically 0.02"
+        default=0.0,
+        description="standard deviation of the noise that does not depend on the light; "
+        "typically 0.02",
     )
     shot_noise: Share = Field(
-        default=0.0, description="standard deviation at full scale, goes with the root of light"
+        default=0.0,
+        description="standard deviation at full scale of the noise that grows with the square "
+        "root of the light; typically 0.01",
     )
     gain_drift: Share = Field(
-        default=0.0, description="standard deviation of the slow gain; typically 0.02"
+        default=0.0, description="standard deviation of the slowly drifting gain; typically 0.02"
     )
     white_balance_drift: Share = Field(
-        default=0.0, description="standard deviation of each channel's slow gain; typically 0.01"
+        default=0.0,
+        description="standard deviation of each channel's slowly drifting gain; typically 0.01",
     )
     drift_time_s: float = Field(
-        default=5.0, gt=0, le=END_S, description="correlation time of the slow gains"
+        default=5.0,
+        gt=0,
+        le=END_S,
+        description="correlation time of the drifting gains; typically 5",
     )
 
 
 class Window(Config):
     """An interval of simulated time."""
 
-    start_s: Moment = Field(default=0.0, description="the first moment")
-    end_s: Moment = Field(default=END_S, description="the first moment after it")
+    start_s: Moment = Field(default=0.0, description="start of the interval")
+    end_s: Moment = Field(default=END_S, description="end of the interval, itself excluded")
 
     def contains(self, time_s: float) -> bool:
         """Whether a time lies in [start_s, end_s)."""
@@ -81,52 +104,78 @@ class Window(Config):
 
 
 class Occluder(Window):
-    """Something opaque between camera and floor: it crosses, or it rides above one half."""
+    """An opaque disc between camera and floor: it crosses, or it moves with tractor or trailer."""
 
     over: Literal["path", "tractor", "trailer"] = Field(
-        default="path", description="path: from from_m to to_m; else above that half's labels"
+        default="path",
+        description="path: moves from from_m to to_m; otherwise stays above that body's labels",
     )
-    from_m: Pair = Field(default=(-1.0, 0.0), description="x, y in the label plane at start_s")
-    to_m: Pair = Field(default=(1.0, 0.0), description="x, y in the label plane at end_s")
+    from_m: Pair = Field(
+        default=(-1.0, 0.0), description="position (x, y) in the label plane at start_s"
+    )
+    to_m: Pair = Field(
+        default=(1.0, 0.0), description="position (x, y) in the label plane at end_s"
+    )
     diameter_m: float = Field(
-        default=0.25, gt=0, le=5, description="of the disc; 0.16 covers one half's labels"
+        default=0.25, gt=0, le=5, description="diameter of the disc; 0.16 covers one body's labels"
     )
-    grey: Share = Field(default=0.2, description="its brightness: 0 black, 1 white")
+    grey: Share = Field(default=0.2, description="brightness of the disc: 0 black, 1 white")
 
 
 class Glare(Window):
-    """A bright spot with soft edges that washes colours out."""
+    """A bright spot with soft edges that washes out colours."""
 
-    position_px: Pair = Field(default=(320.0, 240.0), description="column, row of its centre")
-    radius_px: float = Field(default=40.0, gt=0, le=1000, description="standard deviation")
+    position_px: Pair = Field(
+        default=(320.0, 240.0), description="centre of the spot (column, row)"
+    )
+    radius_px: float = Field(
+        default=40.0,
+        gt=0,
+        le=1000,
+        description="standard deviation of the spot's brightness profile; typically 40",
+    )
     strength: float = Field(
-        default=1.0, ge=0, le=10, description="light added at the centre; from 1 on it saturates"
+        default=1.0,
+        ge=0,
+        le=10,
+        description="light added at the centre; 1 or more saturates the image",
     )
 
 
 class Distractor(Config):
     """A disc on the floor that has a label's colour."""
 
-    colour_of: LabelName = Field(default="tractor_front", description="whose colour it has")
-    position_m: Pair = Field(default=(0.7, 0.5), description="x, y on the floor")
-    diameter_m: float = Field(default=0.036, gt=0, le=1, description="a label measures 0.036")
+    colour_of: LabelName = Field(
+        default="tractor_front", description="the label whose colour the disc has"
+    )
+    position_m: Pair = Field(default=(0.7, 0.5), description="position (x, y) on the floor")
+    diameter_m: float = Field(
+        default=0.036, gt=0, le=1, description="diameter of the disc; a label measures 0.036"
+    )
 
 
 class FadedLabel(Config):
     """A label bleached by the sun."""
 
-    label: LabelName = Field(description="which label")
-    fading: Share = Field(default=0.5, description="0 as new, 1 grey")
+    label: LabelName = Field(description="the label that is faded")
+    fading: Share = Field(default=0.5, description="loss of colour: 0 as new, 1 grey")
 
 
 class Delivery(Config):
-    """Frames that do not come, come again, or come late."""
+    """Frames that are lost, repeated or late."""
 
     dropped: Share = Field(default=0.0, description="share of frames lost; 0.2 is a bad link")
-    frozen: Share = Field(default=0.0, description="share of frames that repeat the last picture")
-    late: Share = Field(default=0.0, description="share of frames that come late")
-    late_periods: int = Field(default=1, ge=1, le=30, description="how late: control periods")
-    blackouts: Several[Window] = Field(default=(), description="intervals without any frame")
+    frozen: Share = Field(
+        default=0.0, description="share of frames that repeat the previous image; typically 0.1"
+    )
+    late: Share = Field(default=0.0, description="share of frames that arrive late; typically 0.1")
+    late_periods: int = Field(
+        default=1,
+        ge=1,
+        le=30,
+        description="delay of late frames in control periods; typically 1 to 3",
+    )
+    blackouts: Several[Window] = Field(default=(), description="intervals without any frames")
 
 
 class Faults(Config):
@@ -144,12 +193,14 @@ class CameraOptions(Config):
 
     name: str = Field(default="overhead", description="the camera's name in the scene file")
     height_m: float | None = Field(
-        default=None, gt=0.2, le=20, description="above the floor; left out: the scene's, 1.9"
+        default=None, gt=0.2, le=20, description="height above the floor; default: the scene's, 1.9"
     )
-    width_px: Side = Field(default=640, description="columns of the picture")
-    height_px: Side = Field(default=480, description="rows of the picture")
+    width_px: Side = Field(default=640, description="image width; typically 640")
+    height_px: Side = Field(default=480, description="image height; typically 480")
     supersampling: Literal[1, 2, 3, 4, 5] = Field(
-        default=3, description="rendered pixels along one sensor pixel; time grows with its square"
+        default=3,
+        description="rendered pixels per sensor pixel in each direction; rendering time grows "
+        "with its square",
     )
     lens: Lens = Lens()
     exposure: Exposure = Exposure()

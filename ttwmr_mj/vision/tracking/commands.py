@@ -1,4 +1,4 @@
-"""What the wheels were told, as the tracker remembers it: a piecewise linear speed over time."""
+"""The commanded wheel speeds, as the tracker stores them: a piecewise linear speed over time."""
 
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator

@@ -1,4 +1,4 @@
-"""How the tracker weighs what it sees against what the wheels were told."""
+"""How the tracker weighs what it sees against the commanded wheel speeds."""
 
 from typing import Annotated
 
@@ -13,38 +13,62 @@ class TrackerOptions(Config):
     """How labels are looked for and fused with the commanded wheel speeds."""
 
     label_noise_px: UpTo10 = Field(
-        default=0.0225, description="standard deviation of a label's centre; 0.15 in a JPEG video"
+        default=0.0225,
+        description="standard deviation of a label's measured centre; 0.15 in a JPEG video",
     )
     calibration_noise_m: float = Field(
-        default=0.00003, ge=0, le=1, description="standard deviation of what calibration left over"
+        default=0.00003,
+        ge=0,
+        le=1,
+        description="standard deviation of the remaining calibration error on the floor; "
+        "typically 3e-5",
     )
     speed_noise_m_s: UpTo10 = Field(
-        default=0.003, description="how far P's speed strays from the wheels': slip, servo error"
+        default=0.003,
+        description="standard deviation of P's speed from the one commanded (slip, servo "
+        "error); typically 0.003",
     )
     turn_noise_rad_s: float = Field(
-        default=0.02, gt=0, le=100, description="how far the yaw rate strays from the wheels'"
+        default=0.02,
+        gt=0,
+        le=100,
+        description="standard deviation of the yaw rate from the one commanded; typically 0.02",
     )
     noise_time_s: float = Field(
-        default=0.3, gt=0, le=3600, description="for how long they stray: correlation time"
+        default=0.3,
+        gt=0,
+        le=3600,
+        description="correlation time of these two deviations; typically 0.3",
     )
     swing_noise_rad_s2: float = Field(
-        default=0.5, gt=0, le=1e3, description="angular acceleration that the hitch model lacks"
+        default=0.5,
+        gt=0,
+        le=1e3,
+        description="standard deviation of the trailer's angular acceleration that the model "
+        "does not explain; typically 0.5",
     )
     gate_chi2: float = Field(
         default=18.4,
         gt=0,
         le=1e3,
-        description="largest squared normalised innovation of a label that is used; 18.4 refuses "
-        "one good label in 10 000",
+        description="largest squared normalised innovation of a label that is used; 18.4 "
+        "rejects one good label in 10 000",
     )
     max_blind_s: float = Field(
-        default=0.15, gt=0, le=60, description="longer without labels and the estimate is invalid"
+        default=0.15,
+        gt=0,
+        le=60,
+        description="time without labels after which the estimate is invalid; typically 0.15",
     )
     max_position_std_m: UpTo10 = Field(
-        default=0.02, description="the estimate is invalid where x or y is more uncertain"
+        default=0.02,
+        description="standard deviation of x or y above which the estimate is invalid; "
+        "typically 0.02",
     )
     max_angle_std_rad: UpTo10 = Field(
-        default=0.2, description="the estimate is invalid where θ1 or θ2 is more uncertain"
+        default=0.2,
+        description="standard deviation of θ1 or θ2 above which the estimate is invalid; "
+        "typically 0.2",
     )
 
 

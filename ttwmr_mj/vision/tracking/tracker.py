@@ -40,7 +40,7 @@ class Tracker:
     """One robot, one calibrated camera.
 
     Attributes:
-        commands: what the wheels were told; the caller adds to it.
+        commands: the commanded wheel speeds; the caller adds to it.
         detector: finds the labels.
         sighting: what came of the last frame; None before the first.
         status: what is known after the last frame.
@@ -137,7 +137,7 @@ class Tracker:
     def _at(self, time_s: float) -> Gaussian:
         """The filtered state carried to a time, without keeping it."""
         if self._filtered is None:
-            raise AssertionError("there is nothing to carry before the first sighting")
+            raise AssertionError("there is no state to predict from before the first sighting")
         ramps = self.commands.ramps(self._filtered.time_s, time_s)
         return self._motion.predict(self._filtered, time_s, ramps)
 

@@ -1,4 +1,4 @@
-"""Parameters of the extended model identified from a contact run, and proved on another one.
+"""Parameters of the extended model, identified from a contact run and validated on another one.
 
 Least squares over the deviations of x, y, θ1 and θ2 at the control samples, each weighted with the
 rms of what the plain model misses by. Where the data cannot tell parameters apart (hitch damping
@@ -65,7 +65,7 @@ class Gain:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """A fit and its proof."""
+    """A fit and its validation."""
 
     parameters: dict[str, Fitted]
     physics_step_s: float  # of the contact physics it was fitted on

@@ -95,4 +95,5 @@ class Shooting:
     def _model(self, values: FloatArray) -> ExtendedModel:
         """The model with parameters (nsim, p)."""
         parameters = dict(zip(SCALES, values.T, strict=True))
-        return ExtendedModel(self._robot, parameters, self._physics_step_s)
+        ground = self._run.scenario.ground
+        return ExtendedModel(self._robot, parameters, self._physics_step_s, ground)

@@ -113,7 +113,7 @@ class IdealLoop:
 
 
 def pulled(e: float, e_rate: float, options: LyapunovOptions) -> float:
-    """The error, and what stands for e²/ė beside it (Eq. 32)."""
+    """The error plus the term used for e²/ė (Eq. 32)."""
     if options.singular_terms == "omitted":
         return e
     if options.singular_terms == "regularized":

@@ -92,7 +92,7 @@ def eq_53() -> Proof:
 
 
 def eq_58() -> Proof:
-    """The sign of the γ term, and that Eq. 61 with the mended sign gives θ̈2 = w."""
+    """The sign of the γ term, and that Eq. 61 with the corrected sign gives θ̈2 = w."""
     n = _trailer()
     sin, cos = sp.sin(n["theta_2"]), sp.cos(n["theta_2"])
     v1 = n["v_1"] + n["alpha_4"] * n["e_4"] * n["gamma"]

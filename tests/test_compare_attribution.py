@@ -1,0 +1,139 @@
+"""Who contributes what to the deviation: the effects and the tables of the attribution."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from test_compare import open_loop, run_commands
+
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare import attribution
+from ttwmr_mj.studies.compare.attribution import (
+    QUANTITIES,
+    Attribution,
+    Contribution,
+    attribute,
+    table,
+)
+from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
+
+BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
+
+
+def everything() -> Scenario:
+    """A scenario in which every effect is present."""
+    robot: dict[str, Any] = {
+        "tractor": {"wheel_shape": "cylinder"},
+        "hitch": {"damping_n_m_s_rad": 1e-3, "coulomb_friction_n_m": 1e-4},
+        "casters": {"rolling_resistance_m": 1e-5},
+    }
+    return open_loop(*BRISK, robot=robot)
+
+
+def test_every_effect_can_be_switched_off_and_on() -> None:
+    full = everything()
+    assert all(effect.present(full) for effect in EFFECTS)
+    ideal = with_effects(full, ())
+    assert not ideal.robot.hitch.damping_n_m_s_rad
+    assert ideal.robot.tractor.wheel_shape == "ellipsoid"
+    assert with_effects(full, [effect.name for effect in EFFECTS]) == full
+
+
+def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
+    full = open_loop(*BRISK, robot={"servo": {"velocity_gain_n_m_s_rad": 0.2}})
+    result = attribute(full, run_commands(full))
+    assert result.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
+    for quantity in QUANTITIES:
+        *parts, total = result.tables[quantity]
+        assert total.name == "total"
+        assert sum(row.size for row in parts) == pytest.approx(total.size)
+        for row in parts[:-2]:
+            assert row.alone is not None
+            assert row.interaction is not None
+            assert row.alone + row.interaction == pytest.approx(row.size)
+    shares = {row.name: row.share for row in result.tables["position"]}
+    assert shares["servo"] == pytest.approx(1.0, abs=0.1)
+    assert shares["rest"] == pytest.approx(0.0, abs=0.1)
+
+
+def test_what_cannot_be_switched_off_whole_is_extrapolated(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By hand: a deviation to which each effect adds its size, and two effects their product."""
+    sizes_m = {"timestep": 1.0, "contact_compliance": 3.0, "caster_inertia": 20.0}
+    full = everything()
+    robot, contact = full.robot, full.plant.contact
+    whole = {
+        "timestep": contact.timestep_s,
+        "contact_compliance": contact.contact_time_constant_s,
+        "caster_inertia": robot.casters.mass_kg,
+    }
+
+    def made(variant: Scenario) -> dict[str, float]:
+        """Contributions in m."""
+        now = (
+            variant.plant.contact.timestep_s,
+            variant.plant.contact.contact_time_constant_s,
+            variant.robot.casters.mass_kg,
+        )
+        part = {name: sizes_m[name] * x / whole[name] for name, x in zip(whole, now, strict=True)}
+        part["servo"] = 5.0 * (variant.robot.servo == robot.servo)
+        part["hitch_friction"] = -2.0 * (variant.robot.hitch == robot.hitch)
+        part["both"] = 0.5 * part["servo"] * part["hitch_friction"]
+        return part
+
+    def between(variant: Scenario, _: Scenario) -> SimpleNamespace:
+        return SimpleNamespace(q=np.full((1, 4), sum(made(variant).values())))
+
+    for play in ("replay_contact", "replay_analytic"):
+        monkeypatch.setattr(attribution, play, lambda variant, _: variant)
+    monkeypatch.setattr(attribution, "Deviation", SimpleNamespace(between=between))
+    rows = attribute(full, np.zeros((1, 2))).tables["theta1"]
+    size = {row.name: row.size for row in rows}
+    alone = {row.name: row.alone for row in rows}
+    for name, expected in sizes_m.items():
+        assert size[name] == alone[name] == pytest.approx(expected)
+    assert (alone["servo"], alone["hitch_friction"]) == pytest.approx((5.0, -2.0))
+    # the product, -5, is shared evenly
+    assert (size["servo"], size["hitch_friction"]) == pytest.approx((2.5, -4.5))
+    assert size["wheel_width"] == size["rolling_resistance"] == pytest.approx(0.0)
+    assert (size["higher_interactions"], size["rest"]) == pytest.approx((0.0, 0.0), abs=1e-12)
+    assert size["total"] == pytest.approx(22.0)
+
+
+def test_a_contribution_is_its_projection_on_the_total() -> None:
+    """By hand: δ = (3, 4) mm at one sample; one effect along it, one across, one rest."""
+    total, along = np.array([[3.0, 4.0, 0.0, 0.0]]), np.array([[1.5, 2.0, 0.0, 0.0]])
+    across = np.array([[-4.0, 3.0, 0.0, 0.0]])
+    none = np.zeros_like(total)
+    rows = table({"one": (along, across), "two": (none, none)}, 0.5 * along, total, [0, 1])
+    one, two, higher, rest, whole = rows
+    assert (one.alone, one.interaction, one.size) == pytest.approx((2.5, 0.0, 2.5))
+    assert (one.share, one.rms) == pytest.approx((0.5, np.hypot(-2.5, 5.0)))
+    assert (two.size, two.rms) == (0.0, 0.0)
+    assert (higher.size, rest.size, whole.size) == pytest.approx((1.25, 1.25, 5.0))
+    assert whole.share == pytest.approx(1.0)
+
+
+def test_a_large_rest_is_explained() -> None:
+    def found(total: float, rest: float) -> Attribution:
+        part = Contribution("servo", 0.0, 0.0, total - rest, 1.0 - rest / total, total - rest)
+        none = Contribution("higher_interactions", None, None, 0.0, 0.0, 0.0)
+        left = Contribution("rest", None, None, rest, rest / total, rest)
+        whole = Contribution("total", None, None, total, 1.0, total)
+        return Attribution(("servo",), {"theta2": (part, none, left, whole)})
+
+    assert found(1.0, 0.09).note("theta2") is None
+    assert found(1e-3, 0.09e-3).as_json()["notes"] == {}
+    assert "they do not add up" in found(4.0, 1.7).as_json()["notes"]["theta2"]
+    assert "25.0 % of their sum" in str(found(1e-3, 0.2e-3).note("theta2"))
+
+
+@pytest.mark.slow
+def test_every_effect_is_attributed() -> None:
+    full = everything()
+    result = attribute(full, run_commands(full))
+    assert result.present == tuple(effect.name for effect in EFFECTS)
+    for rows in result.tables.values():
+        assert sum(row.size for row in rows[:-1]) == pytest.approx(rows[-1].size)

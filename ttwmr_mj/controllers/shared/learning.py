@@ -1,0 +1,130 @@
+"""Finding out on line what acts on the trailer: slope, rolling resistance, hitch friction.
+
+An extended Kalman filter over what is measured of the trailer and what may act on it,
+
+    z = (θ2, θ̇2, w, g_x, g_y, c, dry, viscous),
+
+w the unexplained θ̈2 that the observer has anyway, the rest as in `dynamics.influence`. Each of
+these numbers enters θ̈2 linearly, with a factor that the motion gives: −n/k for gravity, v̂·n/k for
+rolling resistance, the hitch rate for viscous friction, its smoothed sign for dry friction. What
+the motion does not excite is not found: on a circle the hitch does not turn, so its friction stays
+as uncertain as before (and does nothing); gravity turns once a round in the trailer's frame, which
+tells it from all that turns with the trailer. `std` says how sure the filter is of each number.
+
+The covariance is propagated once a period along the newest state, whatever the measurement's age: a
+few periods more or less change the factors by a few per cent.
+"""
+
+from typing import Literal
+
+import numpy as np
+
+from ttwmr_mj.dynamics.flatness import dot, trailer_axes, velocity_behind
+from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, INFLUENCES, VISCOUS, held_back
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import BoolArray, FloatArray
+
+Learnable = Literal["slope", "rolling_resistance", "dry_friction", "viscous_friction"]
+PLACES: dict[Learnable, slice] = {
+    "slope": GRAVITY,
+    "rolling_resistance": slice(DRAG, DRAG + 1),
+    "dry_friction": slice(DRY, DRY + 1),
+    "viscous_friction": slice(VISCOUS, VISCOUS + 1),
+}
+# How far from what is believed each may be: 1.2° of slope (both axes), δ = 1e-4 m, 1e-3 N·m and
+# 1e-3 N·m·s with Table I's trailer.
+PRIOR_STD = np.array([0.2, 0.2, 0.12, 0.14, 0.14])
+FORGETTING_1_S = 0.01  # share of the prior's variance that comes back in a second: floors change
+FRICTION_RATE_RAD_S = 0.05  # hitch rate from which on dry friction counts as nearly full
+KNOWN = 3  # θ2, θ̇2 and w come before what is learned
+
+
+class Learner:
+    """The filter's covariance and gains, for a batch.
+
+    Attributes:
+        places: (5,) which influences are learned.
+    """
+
+    def __init__(
+        self,
+        learn: tuple[Learnable, ...],
+        robot: RobotParameters,
+        period_s: float,
+        nsim: int,
+        process_std: tuple[float, float, float],
+        measurement_std: tuple[float, float],
+    ) -> None:
+        """Nothing is known yet but the priors.
+
+        Args:
+            learn: what to find out.
+            robot: geometry of the trailer.
+            period_s: T.
+            nsim: simulations.
+            process_std: what a period adds to θ2, θ̇2 and w.
+            measurement_std: of θ2 and θ̇2.
+        """
+        self._robot, self._period = robot, period_s
+        self.places: BoolArray = np.zeros(INFLUENCES, dtype=np.bool_)
+        for name in learn:
+            self.places[PLACES[name]] = True
+        prior = np.where(self.places, PRIOR_STD, 0.0)
+        first = np.diag(np.square([*measurement_std, process_std[2] / np.sqrt(period_s), *prior]))
+        self._covariance = np.tile(first, (nsim, 1, 1))
+        walk = np.square(prior) * FORGETTING_1_S * period_s
+        self._process = np.diag([*np.square(process_std), *walk])
+        self._most = np.square(prior)
+        self._noise = np.diag(np.square(measurement_std))
+
+    def predict(self, body: FloatArray, velocity: FloatArray, hitch_rate: FloatArray) -> None:
+        """One period passes.
+
+        Args:
+            body: (nsim, 5) x, y, θ1, θ2, θ̇2.
+            velocity: (nsim, 2) of P.
+            hitch_rate: (nsim,) θ̇2 − θ̇1.
+        """
+        T = self._period
+        A = np.tile(np.eye(KNOWN + INFLUENCES), (len(body), 1, 1))
+        A[:, 0, 1] = A[:, 1, 2] = T
+        A[:, 0, 2] = 0.5 * T * T
+        factors = self._factors(body, velocity, hitch_rate)
+        A[:, 1, KNOWN:], A[:, 0, KNOWN:] = T * factors, 0.5 * T * T * factors
+        P = A @ self._covariance @ np.swapaxes(A, 1, 2) + self._process
+        learned = np.arange(KNOWN, KNOWN + INFLUENCES)
+        # no less sure than at the start
+        excess = np.sqrt(np.maximum(P[:, learned, learned] / np.maximum(self._most, 1e-300), 1.0))
+        P[:, learned] /= excess[..., None]
+        P[:, :, learned] /= excess[:, None]
+        self._covariance = P
+
+    def gain(self, due: BoolArray) -> FloatArray:
+        """(nsim, 8, 2) on the innovations of θ2 and θ̇2; those that are due become surer."""
+        P = self._covariance
+        seen = P[:, :2]
+        K = np.swapaxes(np.linalg.solve(seen[:, :, :2] + self._noise, seen), 1, 2)
+        after = P - K @ seen
+        after = 0.5 * (after + np.swapaxes(after, 1, 2))
+        self._covariance = np.where(due[:, None, None], after, P)
+        return np.asarray(K)
+
+    def std(self) -> FloatArray:
+        """(nsim, 5) standard deviation of each influence; 0 for what is not learned."""
+        variance = np.diagonal(self._covariance, axis1=1, axis2=2)[:, KNOWN:]
+        return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
+
+    def _factors(
+        self, body: FloatArray, velocity: FloatArray, hitch_rate: FloatArray
+    ) -> FloatArray:
+        """(nsim, 5) derivative of θ̈2 by each influence."""
+        k, theta2 = self._robot.swing_length_m, body[:, 3]
+        t, n = trailer_axes(theta2)
+        com = velocity_behind(velocity, theta2, body[:, 4], self._robot.trailer.com_offset_m)
+        factors = np.empty((len(body), INFLUENCES))
+        factors[:, GRAVITY] = -n / k
+        along, across, one = dot(com, t), dot(com, n), np.ones(len(body))
+        factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
+        factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)
+        factors[:, VISCOUS] = -hitch_rate
+        return np.asarray(factors * self.places)
