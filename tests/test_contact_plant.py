@@ -195,6 +195,11 @@ def test_the_balls_roll_from_the_start(turn: float, hitch: float) -> None:
     slip = read_contacts(plant.contact_readings()).slip_m_s[0, :, :2]
     assert np.abs(slip[2:]).max() < 1e-15  # at 0.3 m/s: rounding
     assert np.abs(slip[:2]).max() < 1e-6  # tyres are pressed flat by 50 nm of 26 mm
+    # the servos hold their speed, where a command of zero would brake with 34 N a wheel
+    first = read_contacts(plant.contact_readings()).force_n
+    plant.advance(plant.wheel_speed_rad_s(), 1)
+    np.testing.assert_allclose(read_contacts(plant.contact_readings()).force_n, first, atol=1e-6)
+    plant.reset(start)
     plant.advance(plant.wheel_speed_rad_s(), 1)
     change = (plant.state().q_rate - start.q_rate)[0]
     ahead = change[0] * np.cos(heading) + change[1] * np.sin(heading)

@@ -67,3 +67,16 @@ def test_lab_circle_needs_two_radians_per_second() -> None:
     wheels = kinematics.wheels_from_twist(np.array([0.43 / 8, 1 / 8]), ROBOT)
     np.testing.assert_allclose(wheels.mean(), 0.43 / 8 / 0.026, rtol=ROUNDOFF)
     assert 1.5 < wheels[1] < wheels[0] < 2.5
+
+
+@pytest.mark.parametrize("difference", [0.0, 2e-3, -2e-3])
+def test_wheels_of_unequal_radius_roll_each_on_its_own(difference: float) -> None:
+    tractor = ROBOT.tractor.model_copy(update={"wheel_radius_difference_m": difference})
+    robot = ROBOT.model_copy(update={"tractor": tractor})
+    wheels = RNG.uniform(-6, 6, (20, 2))
+    rims = wheels * (tractor.wheel_radius_m + 0.5 * difference * np.array([1.0, -1.0]))
+    twist = kinematics.twist_from_wheels(wheels, robot)
+    # the rims' speeds are those of the axle's ends
+    np.testing.assert_allclose(twist[:, 0] + 0.5 * tractor.track_width_m * twist[:, 1], rims[:, 0])
+    np.testing.assert_allclose(twist[:, 0] - 0.5 * tractor.track_width_m * twist[:, 1], rims[:, 1])
+    np.testing.assert_allclose(kinematics.wheels_from_twist(twist, robot), wheels, rtol=1e-12)

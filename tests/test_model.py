@@ -10,7 +10,7 @@ from mujoco import batch
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model, build_spec
+from ttwmr_mj.plants.mjcf import CONTACTS, build_model, build_spec
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor, Trailer
 
 TRACTOR_BODIES = ("tractor", "wheel_right", "wheel_left", "caster_tractor")
@@ -186,6 +186,10 @@ def test_hitch_and_caster_parameters_reach_the_model() -> None:
     assert model.jnt_stiffness[hitch.id] == 2.0
     assert hitch.damping[0] == 0.3
     assert hitch.frictionloss[0] == 0.01
-    caster, wheel = model.geom("caster_tractor"), model.geom("wheel_right")
-    assert (caster.condim[0], caster.friction[2]) == (6, 1e-4)
-    assert (wheel.condim[0], wheel.friction[0]) == (3, 0.4)
+    assert {model.geom(name).friction[0] for name in CONTACTS} == {0.4}
+    assert {model.geom(name).condim[0] for name in CONTACTS} == {3}
+    runner = model.joint("runner_caster_tractor")
+    load = 0.9 * 9.81 * 0.029 / 0.075  # of the nose, with Table I's COM
+    assert runner.stiffness[0] * model.qpos_spring[runner.qposadr[0]] == pytest.approx(
+        -load * 1e-4 / 0.008
+    )

@@ -255,3 +255,10 @@ def test_tables_written_by_hand_load_as_lists(tmp_path: Path) -> None:
     path.write_text(tomli_w.dumps(data).replace("[robot]\n", text), encoding="utf-8")
     robot = load_scenario(str(path)).robot
     assert (robot.trailer.mass_kg, robot.hitch.damping_n_m_s_rad) == (0.4, 0.2)
+
+
+def test_wheels_may_differ_by_no_more_than_their_mean_radius() -> None:
+    with pytest.raises(InputError) as caught:
+        scenario({"tractor": {"wheel_radius_difference_m": 0.03}})
+    assert "robot.tractor.wheel_radius_difference_m: got 0.03" in str(caught.value)
+    assert "between -0.026 and 0.026" in str(caught.value)

@@ -34,8 +34,8 @@ def test_the_manifest_says_what_made_the_folder(
     assert (
         list(manifest)
         == (
-            "schema_version scenario seed plant command_line created_utc ttwmr_mj python platform "
-            "libraries gl_backend git_commit"
+            "schema_version scenario seed pushes plant command_line created_utc ttwmr_mj python "
+            "platform libraries gl_backend git_commit"
         ).split()
     )
     assert manifest["schema_version"] == 1

@@ -53,7 +53,13 @@ class Tractor(Config):
         description="a1: distance from P forward to the COM; Table I: 0.029",
     )
     wheel_radius_m: float = Field(
-        default=0.026, gt=0, le=1, description="r: radius of the wheels; Table I: 0.026"
+        default=0.026, gt=0, le=1, description="r: mean radius of the wheels; Table I: 0.026"
+    )
+    wheel_radius_difference_m: float = Field(
+        default=0.0,
+        ge=-1,
+        le=1,
+        description="radius of the right wheel less that of the left, at most r; typically 1e-4",
     )
     track_width_m: float = Field(
         default=0.119, gt=0, le=10, description="2b: distance between the wheels; Table I: 0.119"
@@ -69,6 +75,12 @@ class Tractor(Config):
         description="shape of the tyres: an ellipsoid touches the floor at a point, a "
         "cylinder along a line, which scrubs in turns",
     )
+
+    @property
+    def wheel_radii_m(self) -> tuple[float, float]:
+        """Of the right wheel and of the left."""
+        half = 0.5 * self.wheel_radius_difference_m
+        return self.wheel_radius_m + half, self.wheel_radius_m - half
 
 
 class Trailer(Config):
@@ -205,6 +217,9 @@ class Casters(Config):
     rolling_resistance_m: float = Field(
         default=0.0, ge=0, le=0.1, description="resisting torque per normal force; typically 1e-4"
     )
+    socket_friction_n_m: float = Field(
+        default=0.0, ge=0, le=10, description="dry torque of a ball in its socket; typically 1e-4"
+    )
     tractor_position_m: float = Field(
         default=0.075,
         gt=0,
@@ -308,6 +323,12 @@ class RobotParameters(Config):
         for i, trailer in enumerate(self.trailers[:-1]):
             if trailer.next_hitch_offset_m is None:
                 raise _refused(("trailers", i, "next_hitch_offset_m"), None)
+        if abs(self.tractor.wheel_radius_difference_m) > (most := self.tractor.wheel_radius_m):
+            place, got = (
+                ("tractor", "wheel_radius_difference_m"),
+                str(self.tractor.wheel_radius_difference_m),
+            )
+            raise _refused(place, got, f"between -{most:g} and {most:g}, the mean radius")
         if len(self.hitches) != (count := len(self.trailers)):
             allowed = f"as many as there are trailers, {count}"
             raise _refused(("hitches",), len(self.hitches), allowed)

@@ -73,7 +73,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
     def start(self, task: Task) -> None:
         """Take the reference."""
         super().start(task)
-        path, options, nsim = task.path, self._options, task.nsim
+        path, options, nsim = task.path_ahead, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
         flat = path.flat_derivatives
         direction, _ = trailer_axes(path.theta2_rad[0])

@@ -11,7 +11,7 @@ the trailer; integrated by parts it becomes a kick κ of θ̇2, and the state is
 - Side slip is s times the centripetal acceleration u1·u2: what soft contacts let through before
   they push back. It points outward.
 - A ball that rolls resists acceleration with 2/5 of its mass, at its place on the floor, and its
-  motion with δ/ρ of its load.
+  motion with δ/ρ of its load and the friction of its socket (`dynamics.balls`).
 - On a slope, gravity's pull along the floor is taken off the accelerations where these stand for
   forces. It causes no side slip, which is the contacts' lag behind a turning wheel.
 
@@ -29,18 +29,18 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.dynamics.balls import ball_loads, direction, resistance, resisting_torque
 from ttwmr_mj.dynamics.ground import LEVEL, Ground, Pull
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
-from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_body, to_world
+from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_world
 from ttwmr_mj.dynamics.kinetics import first_moments
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
-FADING_M_S = 1e-4  # rolling resistance fades below this speed, where its direction is undefined
 STATES = 5  # x, y, θ1, θ2, swing rate
 
 
@@ -205,11 +205,17 @@ class ExtendedModel:
 
     def twist(self, wheels: FloatArray) -> tuple[FloatArray, FloatArray]:
         """(u1, u2) by Eq. 8-9 with the effective radius and track."""
-        return rolling(wheels, self.values["wheel_radius_m"], self.values["track_width_m"])
+        return rolling(wheels, *self._wheel_geometry)
 
     def wheels(self, twist: FloatArray) -> FloatArray:
         """(nsim, 2) setpoints that drive at a twist (nsim, 2): the inverse of `twist`."""
-        return rolling_wheels(twist, self.values["wheel_radius_m"], self.values["track_width_m"])
+        return rolling_wheels(twist, *self._wheel_geometry)
+
+    @property
+    def _wheel_geometry(self) -> tuple[Value, Value, float]:
+        """Effective radius and track, and the difference of the radii."""
+        difference = self.robot.tractor.wheel_radius_difference_m
+        return self.values["wheel_radius_m"], self.values["track_width_m"], difference
 
     @property
     def _balls(self) -> Value:
@@ -222,9 +228,11 @@ class ExtendedModel:
         return (self.robot.trailer.mass_kg + self._balls) * self.robot.trailer.com_offset_m
 
     @property
-    def _drag(self) -> Value:
-        """Resistance of a rolling ball per load."""
-        return self.values["rolling_resistance_m"] / self.robot.casters.radius_m
+    def _held_back(self) -> tuple[Value, Value]:
+        """Forces [N] that hold back the nose's ball and each of the trailer's."""
+        nose, tail = ball_loads(self.robot, self.ground.normal_gravity_m_s2)
+        lever = self.values["rolling_resistance_m"]
+        return resistance(self.robot, lever, nose), resistance(self.robot, lever, tail)
 
     def _hitch_torque(self, motion: _Motion) -> FloatArray:
         """(nsim,) torque of spring and damper on the trailer [N·m]."""
@@ -239,20 +247,10 @@ class ExtendedModel:
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
         torque = self._tail * sideways(hitch, ahead, left)
         torque -= first_moments(self.robot)[1] * sideways(hitch, *pull)
-        torque += self._hitch_torque(motion) + self._rolling_torque(motion, -slip * u1 * u2)
+        p_speed = u1, -slip * u1 * u2
+        held_back = resisting_torque(hitch, p_speed, motion.theta2_rate, self.robot)
+        torque += self._hitch_torque(motion) + self._held_back[1] * held_back
         return np.asarray(torque / self.swing_inertia_kg_m2)
-
-    def _rolling_torque(self, motion: _Motion, aside: FloatArray) -> FloatArray:
-        """Torque about P of the floor on the trailer's two balls; P slips aside [m/s]."""
-        length, spacing = self.robot.trailer.com_offset_m, self.robot.casters.trailer_half_spacing_m
-        along, across = to_body(motion.hitch, motion.u1, aside)
-        across = across - length * motion.theta2_rate
-        torque = np.zeros_like(along)
-        for side in (-spacing, spacing):
-            ahead, left = _direction(along - side * motion.theta2_rate, across)
-            torque += length * left + side * ahead
-        load = 0.5 * self.robot.trailer.mass_kg * self.ground.normal_gravity_m_s2
-        return np.asarray(self._drag * load * torque)
 
     def _push(self, motion: _Motion, swing: FloatArray) -> FloatArray:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
@@ -264,14 +262,13 @@ class ExtendedModel:
         force += tail * (sin * swing + cos * theta2_rate**2)
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
         torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + self._hitch_torque(motion)
-        # rolling resistance of the nose's ball, and of the trailer's as far as it drags P along
-        weight = self.ground.normal_gravity_m_s2
-        drag = self._drag * nose / casters.tractor_position_m * weight
-        ahead, aside = _direction(u1, casters.tractor_position_m * u2)
-        force += drag * ahead
-        torque += drag * casters.tractor_position_m * aside
-        along, across = _direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
-        force += self._drag * trailer.mass_kg * weight * (along * cos + across * sin)
+        # what holds back the nose's ball, and the trailer's two as far as they drag P along
+        nose_drag, tail_drag = self._held_back
+        ahead, aside = direction(u1, casters.tractor_position_m * u2)
+        force += nose_drag * ahead
+        torque += nose_drag * casters.tractor_position_m * aside
+        along, across = direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
+        force += 2.0 * tail_drag * (along * cos + across * sin)
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
 
@@ -287,9 +284,3 @@ class ExtendedModel:
 def driven_inertia(robot: RobotParameters) -> float:
     """Of a wheel and its gears about the axle [kg·m²]."""
     return wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
-
-
-def _direction(x: FloatArray, y: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Unit vector of a velocity, shorter where that is slow."""
-    size = np.sqrt(x**2 + y**2 + FADING_M_S**2)
-    return x / size, y / size

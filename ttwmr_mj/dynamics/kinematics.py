@@ -12,6 +12,8 @@ from ttwmr_mj.state import LEFT, RIGHT, THETA1, FloatArray
 
 Value = FloatArray | float
 
+RIGHT_LESS_LEFT = np.array([1.0, -1.0])
+
 
 def constraint_matrix(q: FloatArray) -> FloatArray:
     """A(q) = [sin θ1, −cos θ1, 0, 0] (Eq. 4), (..., 1, 4): points to the tractor's right."""
@@ -71,28 +73,44 @@ def twist_from_wheels(wheel_speed_rad_s: FloatArray, robot: RobotParameters) -> 
     Returns:
         (..., 2) u1 = ṡ [m/s] and u2 = θ̇1 [rad/s].
     """
+    return np.stack(rolling(wheel_speed_rad_s, *wheel_geometry(robot)), axis=-1)
+
+
+def wheel_geometry(robot: RobotParameters) -> tuple[float, float, float]:
+    """What `rolling` and `rolling_wheels` need to know: radius, track, difference of the radii."""
     tractor = robot.tractor
-    return np.stack(
-        rolling(wheel_speed_rad_s, tractor.wheel_radius_m, tractor.track_width_m), axis=-1
-    )
+    return tractor.wheel_radius_m, tractor.track_width_m, tractor.wheel_radius_difference_m
 
 
-def rolling(wheels: FloatArray, radius_m: Value, track_m: Value) -> tuple[FloatArray, FloatArray]:
-    """u1 and u2 (Eq. 8-9) of wheel speeds (..., 2); of wheel angles: path and turn, (...) each."""
+def rolling(
+    wheels: FloatArray, radius_m: Value, track_m: Value, difference_m: float = 0.0
+) -> tuple[FloatArray, FloatArray]:
+    """u1 and u2 (Eq. 8-9) of wheel speeds (..., 2); of wheel angles: path and turn, (...) each.
+
+    The mean of the radii is given, and by how much the right wheel's exceeds the left one's.
+    """
     right, left = wheels[..., RIGHT], wheels[..., LEFT]
-    return (0.5 * radius_m) * (right + left), (radius_m / track_m) * (right - left)
+    both, apart = right + left, right - left
+    u1, u2 = (0.5 * radius_m) * both, (radius_m / track_m) * apart
+    if difference_m:
+        u1 = u1 + (0.25 * difference_m) * apart
+        u2 = u2 + (0.5 * difference_m / track_m) * both
+    return u1, u2
 
 
 def wheels_from_twist(twist: FloatArray, robot: RobotParameters) -> FloatArray:
     """Wheel speeds (..., 2) (right, left) [rad/s] that give (u1, u2) (..., 2): Eq. 8-9 inverted."""
-    return rolling_wheels(twist, robot.tractor.wheel_radius_m, robot.tractor.track_width_m)
+    return rolling_wheels(twist, *wheel_geometry(robot))
 
 
-def rolling_wheels(twist: FloatArray, radius_m: Value, track_m: Value) -> FloatArray:
+def rolling_wheels(
+    twist: FloatArray, radius_m: Value, track_m: Value, difference_m: float = 0.0
+) -> FloatArray:
     """The inverse of `rolling`: wheel speeds (..., 2) from (u1, u2) (..., 2)."""
     forward, turn = twist[..., 0], 0.5 * track_m * twist[..., 1]
     speeds = np.stack([forward + turn, forward - turn], axis=-1)
-    return np.asarray(speeds / np.asarray(radius_m)[..., None])
+    radii = np.asarray(radius_m)[..., None] + (0.5 * difference_m) * RIGHT_LESS_LEFT
+    return np.asarray(speeds / radii)
 
 
 def to_world(

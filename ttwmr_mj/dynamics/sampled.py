@@ -25,7 +25,7 @@ from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, VISCOUS, held_back, influence_of
-from ttwmr_mj.dynamics.kinematics import rolling, to_body, to_world
+from ttwmr_mj.dynamics.kinematics import rolling, to_body, to_world, wheel_geometry
 from ttwmr_mj.dynamics.servo import limit_speed, ramp_and_angle
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -57,7 +57,7 @@ class SampledModel:
         self.period_s = period_s
         self.reach_rad_s = servo.acceleration_limit_rad_s2 * period_s
         self.speed_limit_rad_s = servo.speed_limit_rad_s
-        self._radius, self._track = robot.tractor.wheel_radius_m, robot.tractor.track_width_m
+        self._wheels = wheel_geometry(robot)
         self._length = robot.swing_length_m
         self._robot = robot
         self._stiffness = robot.hitch.stiffness_n_m_rad / robot.swing_inertia_kg_m2  # [1/s²]
@@ -139,7 +139,7 @@ class SampledModel:
         self, wheels: FloatArray, ahead: FloatArray | float, turning: FloatArray | float
     ) -> tuple[FloatArray, FloatArray]:
         """u1 and u2 (Eq. 8-9) plus slip, from wheel speeds; of wheel angles: path and turn."""
-        u1, u2 = rolling(wheels, self._radius, self._track)
+        u1, u2 = rolling(wheels, *self._wheels)
         return u1 + ahead, u2 + turning
 
     def _hitch(

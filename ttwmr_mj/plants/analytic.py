@@ -7,11 +7,12 @@ equation (`plants.swing`).
 
 import numpy as np
 
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
     rolling,
     twist_from_wheels,
+    wheel_geometry,
     wheels_from_twist,
     workspace_rate,
 )
@@ -45,20 +46,22 @@ class AnalyticPlant(ModelPlant):
         time_step_s: float,
         max_integration_step_s: float,
         *,
-        ground: Ground | None = None,
+        ground: Ground = LEVEL,
         published_spring: bool = False,
     ) -> None:
         """Build the plant, at rest at the origin; the other arguments are those of its base.
 
-        The ground pulls at the trailer where it slopes; None: level. A published spring has its
-        torque and the damper's divided by k, as printed in Eq. 41, and not by J2 + m2·l².
+        The ground pulls at the trailer where it slopes. A published spring has its torque and the
+        damper's divided by k, as printed in Eq. 41, and not by J2 + m2·l².
 
         Raises:
             InputError: the integration would be unstable for this hitch.
         """
         self._robot = robot
-        self._slope = ground if ground is not None and ground.slope_rad else None
-        self._hitch_swing = HitchSwing(robot, published_spring=published_spring)
+        self._slope = ground if ground.slope_rad else None
+        self._hitch_swing = HitchSwing(
+            robot, ground, max_integration_step_s, published_spring=published_spring
+        )
         _refuse_unstable_step(max_integration_step_s, self._hitch_swing.longest_step_s, robot.hitch)
         super().__init__(robot.servo, nsim, time_step_s, max_integration_step_s)
 
@@ -83,8 +86,7 @@ class AnalyticPlant(ModelPlant):
 
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:
         """See the base class."""
-        tractor, duration = self._robot.tractor, stretches.duration_s
-        wheels = tractor.wheel_radius_m, tractor.track_width_m
+        duration, wheels = stretches.duration_s, wheel_geometry(self._robot)
         u1, u2 = rolling(stretches.speed_rad_s, *wheels)  # (stretch, nsim), linear in time
         u1_rate, u2_rate = rolling(stretches.rate_rad_s2, *wheels)
         # the tractor turns and P moves (Eq. 10)
@@ -99,14 +101,16 @@ class AnalyticPlant(ModelPlant):
         self._theta1 = headings[-1]
         # the trailer swings, stretch after stretch
         time = np.array([0.0, 0.5, 1.0])[:, None, None] * duration
-        left = (u1 + time * u1_rate) * (u2 + time * u2_rate)
+        twist = np.stack([u1 + time * u1_rate, u2 + time * u2_rate])
+        left = twist[0] * twist[1]
         ahead = u1_rate[None]
         if self._slope is not None:
             pull = self._slope.pull(headings[:-1] + time * (u2 + 0.5 * u2_rate * time))
             ahead, left = ahead - pull.ahead, left - pull.left
         left, ahead = left / self._robot.swing_length_m, ahead / self._robot.swing_length_m
         for k in range(len(duration)):
-            forcing = Forcing(duration[k], ahead[:, k], left[:, k], -u2_rate[k])
+            resisted = twist[:, :, k] if self._hitch_swing.resisted else None
+            forcing = Forcing(duration[k], ahead[:, k], left[:, k], -u2_rate[k], resisted)
             self._hitch = self._hitch_swing.step(self._hitch, forcing)
         self._setpoint = end_rad_s
 

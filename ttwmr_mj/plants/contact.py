@@ -1,5 +1,6 @@
 """The robot in MuJoCo contact physics, a batch of simulations on `mujoco.batch.Batch`."""
 
+import copy
 import os
 from typing import NamedTuple
 
@@ -48,24 +49,22 @@ class ContactPlant:
         nsim: int = 1,
         nthread: int = 0,
         *,
-        ground: Ground | None = None,
+        ground: Ground = LEVEL,
     ) -> None:
-        ground = ground or LEVEL
         log = mujoco.MjLogConfig.get()
         # warnings are counted and told by `fault`; MuJoCo would also litter the working directory
         log.logto_file = log.logto_console = False
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(robot, options)
+        self.model = build_model(robot, options, ground)
         self._joints = Joints(self.model)
         self._robot = robot
-        self.model.opt.gravity[2] = -ground.normal_gravity_m_s2
         self._settled_qpos = self._settle()
-        self.model.opt.gravity[:2] = ground.gravity_m_s2
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
+        self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
@@ -86,7 +85,9 @@ class ContactPlant:
         It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
         the floor's slope, it stands as if it were not pulled along.
         """
-        alone = batch.Batch(self.model, 1, 1)
+        level = copy.copy(self.model)
+        level.opt.gravity[:2] = 0.0
+        alone = batch.Batch(level, 1, 1)
         qpos = alone.bind("qpos")
         alone.reset(keyframe=0)
         standing = np.array(qpos[0])
@@ -107,6 +108,7 @@ class ContactPlant:
         self._qvel[:] = self._joints.moving(initial.q_rate, self._setpoint, self.model.nv)
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
         self._passed.clear()
+        self._control[:] = self._setpoint  # a command of zero would brake, in the first readings
         self._batch.forward()
         self._roll_balls()
 

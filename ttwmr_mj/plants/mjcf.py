@@ -5,9 +5,13 @@ import numpy as np
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
+from ttwmr_mj.dynamics.balls import ball_loads, resistance
+from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.runners import add_runner
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import LEFT, RIGHT
 
 TRACTOR_CASTER = "caster_tractor"
 TRAILER_CASTERS = ("caster_trailer_right", "caster_trailer_left")
@@ -20,12 +24,15 @@ HITCHES = ("hitch",)  # front to back
 ROLL_SHARE = 0.55
 
 
-def build_spec(robot: RobotParameters, options: ContactOptions) -> mujoco.MjSpec:
+def build_spec(
+    robot: RobotParameters, options: ContactOptions, ground: Ground = LEVEL
+) -> mujoco.MjSpec:
     """The laboratory with this robot in it, still editable.
 
     Args:
         robot: every number of the robot.
         options: how contact physics is solved, and in which scene.
+        ground: how its floor slopes.
 
     Raises:
         InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
@@ -41,7 +48,8 @@ def build_spec(robot: RobotParameters, options: ContactOptions) -> mujoco.MjSpec
         _set_inertia(spec, robot)
         _set_geometry(spec, robot)
         _set_joints(spec, robot)
-        _set_contact(spec, robot, options)
+        _set_contact(spec, options, ground)
+        _hold_back(spec, robot, options, ground)
     except AttributeError as error:
         raise InputError.at(
             "plant.contact.model_path",
@@ -52,9 +60,11 @@ def build_spec(robot: RobotParameters, options: ContactOptions) -> mujoco.MjSpec
     return spec
 
 
-def build_model(robot: RobotParameters, options: ContactOptions) -> mujoco.MjModel:
+def build_model(
+    robot: RobotParameters, options: ContactOptions, ground: Ground = LEVEL
+) -> mujoco.MjModel:
     """The compiled laboratory with this robot in it; errors as `build_spec`."""
-    spec = build_spec(robot, options)
+    spec = build_spec(robot, options, ground)
     try:
         return spec.compile()
     except ValueError as error:
@@ -84,16 +94,18 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     tractor, casters = robot.tractor, robot.casters
     axle_height, half_track = tractor.wheel_radius_m, robot.half_track_m
     spec.body("tractor").pos = [0.0, 0.0, axle_height]
-    spec.body("wheel_right").pos = [0.0, -half_track, 0.0]
-    spec.body("wheel_left").pos = [0.0, half_track, 0.0]
+    # each axle at its own wheel's radius: the robot stands level
+    heights = [radius - axle_height for radius in tractor.wheel_radii_m]
+    spec.body("wheel_right").pos = [0.0, -half_track, heights[RIGHT]]
+    spec.body("wheel_left").pos = [0.0, half_track, heights[LEFT]]
     ball_height = casters.radius_m - axle_height
     behind, aside = -robot.trailer.com_offset_m, casters.trailer_half_spacing_m
     spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
     spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
     spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
     spec.site("trailer_com").pos = [behind, 0.0, 0.0]
-    radius, half_width = tractor.wheel_radius_m, tractor.wheel_half_width_m
-    for name in WHEELS:
+    half_width = tractor.wheel_half_width_m
+    for name, radius in zip(WHEELS, tractor.wheel_radii_m, strict=True):
         geom = spec.geom(name)
         if tractor.wheel_shape == "cylinder":
             geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
@@ -127,17 +139,28 @@ def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
         actuator.ctrlrange = [-servo.speed_limit_rad_s, servo.speed_limit_rad_s]
 
 
-def _set_contact(spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions) -> None:
+def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -> None:
+    x, y = ground.gravity_m_s2
+    spec.option.gravity = [x, y, -ground.normal_gravity_m_s2]
     spec.option.timestep = options.timestep_s
     spec.option.impratio = options.friction_impedance_ratio
     solref = [options.contact_time_constant_s, 1.0]
     spec.joint("hitch").solref_friction = solref
-    rolling = robot.casters.rolling_resistance_m
     for name in CONTACTS:
         geom = spec.geom(name)
         geom.solref = solref
         geom.friction[0] = options.floor_friction
         if name in CASTERS:
-            geom.condim = 6 if rolling > 0 else 3
-            geom.friction[1], geom.friction[2] = 0.0, rolling
+            geom.friction[1] = geom.friction[2] = 0.0
     spec.geom("floor").friction[0] = options.floor_friction
+
+
+def _hold_back(
+    spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions, ground: Ground
+) -> None:
+    nose, tail = ball_loads(robot, ground.normal_gravity_m_s2)
+    for name in CASTERS:
+        load = nose if name == TRACTOR_CASTER else tail
+        force = float(resistance(robot, robot.casters.rolling_resistance_m, load))
+        if force > 0:
+            add_runner(spec, name, force, options.contact_time_constant_s)

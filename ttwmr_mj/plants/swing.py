@@ -2,7 +2,8 @@
 
     φ̈ = (u1·u2·cos φ − u̇1·sin φ)/k − u̇2 + T/(J2 + m2·l²)          (Eq. 17, 24, 27-28)
 
-On a slope, gravity's pull along the floor is taken off the accelerations u̇1 and u1·u2 of P.
+On a slope, gravity's pull along the floor is taken off the accelerations u̇1 and u1·u2 of P. T is
+the torque of the hitch and of balls that resist.
 
 Classical fourth-order Runge-Kutta over stretches of time in which the tractor's accelerations are
 constant, and dry friction that truly sticks.
@@ -14,6 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.dynamics.balls import FADING_M_S, ball_loads, resistance, resisting_torque
+from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
@@ -35,13 +38,15 @@ class Forcing(NamedTuple):
     ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1/k [1/s²]
     left: FloatArray  # (3, nsim) u1·u2/k [1/s²]
     drive: FloatArray  # (nsim,) −u̇2 [rad/s²]
+    twist: FloatArray | None  # (2, 3, nsim) u1 and u2 of the tractor, where balls resist
 
     def after(self, fraction: FloatArray) -> Forcing:
         """The rest of the stretch from a fraction (nsim,) of its duration on."""
         times = np.stack([fraction, 0.5 * (1.0 + fraction), np.ones_like(fraction)])
         ahead = self.ahead if len(self.ahead) == 1 else _parabola(self.ahead, times)
         left = _parabola(self.left, times)  # exact on level floor, where u1 and u2 are linear
-        return Forcing((1.0 - fraction) * self.duration_s, ahead, left, self.drive)
+        twist = None if self.twist is None else np.stack([_parabola(u, times) for u in self.twist])
+        return Forcing((1.0 - fraction) * self.duration_s, ahead, left, self.drive, twist)
 
 
 def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
@@ -62,16 +67,34 @@ class HitchSwing:
     Attributes:
         longest_step_s: bound on the step for a stable integration; infinite without a spring and
             damper.
+        resisted: whether balls resist, so that the forcing needs the tractor's twist.
     """
 
-    def __init__(self, robot: RobotParameters, *, published_spring: bool) -> None:
-        """Take the hitch's constants; published_spring divides torques by k as in Eq. 41."""
+    def __init__(
+        self, robot: RobotParameters, ground: Ground, longest_s: float, *, published_spring: bool
+    ) -> None:
+        """Take the constants.
+
+        Args:
+            robot: hitch, trailer and balls.
+            ground: its weight on the balls.
+            longest_s: step that will be taken.
+            published_spring: divide torques by k as in Eq. 41.
+        """
         law = published_spring_acceleration if published_spring else spring_damper_acceleration
         one, zero = np.ones(()), np.zeros(())
         self._stiffness = -float(law(one, zero, robot))  # [1/s²]
         self._damping = -float(law(zero, one, robot))  # [1/s]
         self._friction = robot.hitch.coulomb_friction_n_m / robot.swing_inertia_kg_m2  # [rad/s²]
+        self._robot = robot
+        _, load = ball_loads(robot, ground.normal_gravity_m_s2)
+        held_back = float(resistance(robot, robot.casters.rolling_resistance_m, load))
+        self._held_back = held_back / robot.swing_inertia_kg_m2  # [1/(m·s²)], one ball
+        # as soft as the step needs it, lest a ball that is nearly at rest chatter
+        slowing = 2.0 * self._held_back * robot.trailer.com_offset_m**2  # [m/s²] of the COM
+        self._fading = max(FADING_M_S, slowing * longest_s)
         linear = np.array([[0.0, 1.0], [-self._stiffness, -self._damping]])
+        self.resisted = held_back > 0.0
         fastest = float(np.abs(np.linalg.eigvals(linear)).max())
         self.longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
 
@@ -122,4 +145,8 @@ class HitchSwing:
         free = sideways(angle, ahead, forcing.left[node])
         if self._stiffness or self._damping:
             free = free - (self._stiffness * angle + self._damping * rate)
+        if forcing.twist is not None:
+            u1, u2 = forcing.twist[:, node]
+            torque = resisting_torque(angle, (u1, 0.0), rate + u2, self._robot, self._fading)
+            free = free + self._held_back * torque
         return free

@@ -12,7 +12,9 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs import build
+from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
@@ -98,12 +100,23 @@ class Experiment:
             InputError: the controller cannot start.
         """
         scenario, plant = self.scenario, self.plant
-        rng = build.generators(scenario.seed, ("sensor", "controller"))
+        rng = build.generators(scenario.seed, ("sensor", "controller", "commands"))
         self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
         if report:
             self.sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
-        loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
+        loop = Loop(
+            scenario,
+            plant,
+            self.sensor,
+            self._controller,
+            self._blank_rows(),
+            report,
+            Actuation(
+                scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
+            ),
+            Push.of_scenario(scenario, self.nsim),
+        )
         task = Task(
             scenario.believed_robot,
             self._told,
@@ -111,6 +124,7 @@ class Experiment:
             self.nsim,
             rng["controller"],
             scenario.believed_ground,
+            scenario.believed_command_latency_s,
         )
         loop.run(task)
         return Result(

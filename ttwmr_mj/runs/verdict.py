@@ -8,6 +8,7 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import FREE_TRAILER, Verdict, judge
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.judged import judged
 from ttwmr_mj.scenario.schema import Scenario
 
 OF_FORCES = ("wheel torque", "grip")  # the analytic plants' wheels turn and grip as they are told
@@ -59,6 +60,7 @@ def verdict_on(
         status: how it ended.
         reason: why, if it broke off.
     """
+    seen = judged(rows, scenario)
     return judge(
-        rows, scenario.robot, status=status, reason=reason, accept=scenario.accept, demands=demands
+        seen, scenario.robot, status=status, reason=reason, accept=scenario.accept, demands=demands
     )

@@ -39,13 +39,16 @@ class AccelerationToWheels:
         self._wheels: FloatArray = np.zeros((nsim, 2))
         self._speed: FloatArray = np.zeros(nsim)
         self._robot = robot
+        # inside, wheels turn as if they were equal
+        self._equal = self._radius / np.array(robot.tractor.wheel_radii_m)
         self._first = True
 
     def command(self, acceleration_m_s2: FloatArray, estimate: RobotState) -> Command:
         """Wheel speeds that give P the acceleration (nsim, 2), world frame, over one period."""
         if self._first:
             twist = workspace_rate(estimate.q, estimate.q_rate)[..., :2]
-            self._wheels, self._speed = wheels_from_twist(twist, self._robot), twist[:, 0]
+            self._speed = twist[:, 0]
+            self._wheels = wheels_from_twist(twist, self._robot) / self._equal
             self._first = False
         heading = estimate.q[:, THETA1]
         cos, sin = np.cos(heading), np.sin(heading)
@@ -67,6 +70,7 @@ class AccelerationToWheels:
         saturated = np.abs(wheels - wish @ MIX).max(axis=1) > CUT_RAD_S
         self._wheels = wheels
         self._speed = (0.5 * self._radius) * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
+        wheels = wheels * self._equal
         return Command(wheels, saturated=saturated, near_singular=np.asarray(near_singular))
 
     def _within_limits(self, wish: FloatArray) -> FloatArray:

@@ -15,15 +15,15 @@ RULES = (
     "columns named “worst”.",
     "“trailer” is the trailer's centre of mass; “settled” is the time after which P stays within "
     "10 mm, “–” if it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it ended early, or "
-    "finished and was lost.",
+    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it ended early, or it "
+    "finished and was lost. Failures count both.",
     "Errors cover all runs that finished, lost ones included.",
     "Ranked by failures, then by the trailer's error.",
     "Control time is wall time per sample, measured with several runs at once.",
 )
 OVERVIEW = (
     "Trailer rms, mm, median over seeds: the best of each row in bold, the verdict where all runs "
-    "failed, empty if not in the suite. Controllers with fewer failures first."
+    "failed, empty what is not in the suite. Controllers with fewer failures first."
 )
 
 

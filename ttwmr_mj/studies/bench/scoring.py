@@ -14,6 +14,7 @@ from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import VERDICTS, Verdict
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.judged import judged
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
@@ -138,7 +139,7 @@ def _judged(folder: Path) -> tuple[Metrics, Verdict]:
     trajectory = Trajectory.read(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
     key = "control_time_per_sample_us"
-    numbers = {**score(trajectory, scenario.robot)[0], key: stored[key]}
+    numbers = {**score(judged(trajectory, scenario), scenario.robot)[0], key: stored[key]}
     demands = demands_of(scenario, sample_reference(scenario))
     return numbers, verdict_on(scenario, trajectory, demands)
 

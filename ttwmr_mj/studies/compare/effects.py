@@ -80,8 +80,11 @@ EFFECTS = (
     ),
     Effect(
         "rolling_resistance",
-        "rolling resistance",
-        lambda _: {"robot.casters.rolling_resistance_m": 0.0},
+        "rolling resistance and sockets of the balls",
+        lambda _: {
+            "robot.casters.rolling_resistance_m": 0.0,
+            "robot.casters.socket_friction_n_m": 0.0,
+        },
     ),
     Effect(
         "hitch_friction",

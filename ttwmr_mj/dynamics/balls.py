@@ -1,0 +1,77 @@
+"""Balls that resist: what rolling resistance and friction in their sockets cost.
+
+A ball of radius ρ under a load N that rolls is held back by the force δ·N/ρ of rolling resistance,
+δ the lever by which the floor's pressure runs ahead, and by τ/ρ of the dry torque τ in its socket.
+Both act at its point of contact, against the ball's velocity over the floor, whatever its size.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ttwmr_mj.dynamics.kinematics import Value, to_body
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+FADING_M_S = 1e-4  # resistance fades below this speed, where its direction is undefined
+
+
+def ball_loads(robot: RobotParameters, weight_m_s2: float) -> tuple[float, float]:
+    """Loads [N] of the nose's ball and of one of the first trailer's, standing.
+
+    The trailer's balls are below its COM and carry it alone.
+    """
+    tractor, trailer = robot.tractor, robot.trailer
+    nose = tractor.mass_kg * tractor.com_offset_m / robot.casters.tractor_position_m
+    return nose * weight_m_s2, 0.5 * trailer.mass_kg * weight_m_s2
+
+
+def resistance(robot: RobotParameters, lever_m: Value, load_n: float) -> Value:
+    """Force [N] that holds back one ball that rolls with a lever δ under a load."""
+    casters = robot.casters
+    return lever_m / casters.radius_m * load_n + casters.socket_friction_n_m / casters.radius_m
+
+
+def resisting_torque(
+    hitch_rad: FloatArray,
+    p_speed: tuple[FloatArray, Value],
+    theta2_rate: FloatArray,
+    robot: RobotParameters,
+    fading_m_s: float = FADING_M_S,
+) -> FloatArray:
+    """(nsim,) torque about P on the trailer per force that holds back each of its balls [m].
+
+    Args:
+        hitch_rad: (nsim,) θ2 − θ1.
+        p_speed: velocity of P ahead and to the left in the tractor's frame [m/s].
+        theta2_rate: (nsim,) [rad/s].
+        robot: where its balls are.
+        fading_m_s: a slower ball is held back by less.
+    """
+    along, across = to_body(hitch_rad, *p_speed)
+    across = across - robot.trailer.com_offset_m * theta2_rate
+    return torque_about_p(along, across, theta2_rate, robot, fading_m_s)
+
+
+def torque_about_p(
+    along_m_s: FloatArray,
+    across_m_s: FloatArray,
+    theta2_rate: FloatArray,
+    robot: RobotParameters,
+    fading_m_s: float = FADING_M_S,
+) -> FloatArray:
+    """The same, of the velocity of the trailer's COM along the trailer and to its left."""
+    length, spacing = robot.trailer.com_offset_m, robot.casters.trailer_half_spacing_m
+    torque = np.zeros_like(along_m_s)
+    for side in (-spacing, spacing):
+        ahead, left = direction(along_m_s - side * theta2_rate, across_m_s, fading_m_s)
+        torque += length * left + side * ahead
+    return torque
+
+
+def direction(
+    x: FloatArray, y: FloatArray, fading_m_s: float = FADING_M_S
+) -> tuple[FloatArray, FloatArray]:
+    """Unit vector of a velocity, shorter where that is slow."""
+    size = np.sqrt(x**2 + y**2 + fading_m_s**2)
+    return x / size, y / size
