@@ -9,7 +9,7 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.references.shared.feasibility import Feasibility, check_feasibility
+from ttwmr_mj.references.shared.feasibility import Demand, Feasibility, check_feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, AcceptOptions
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import RobotParameters, Servo
@@ -193,6 +193,19 @@ def test_shares_have_limits(flag: str, key: str, name: str) -> None:
     assert found.name == name
     assert found.number == pytest.approx(51 / 101)
     assert "50.5 % of the samples (limit 50.4 %)" in found.what
+
+
+def test_no_share_allowed_is_kept_by_none() -> None:
+    rows = still()
+    assert verdict(rows, blind_share=0.0, saturated_share=0.0).name == "followed"
+
+
+def test_a_moment_beyond_a_limit_is_no_matter() -> None:
+    """0.1 s, all stretches together."""
+    for more_s, count in ((0.039, 0), (0.041, 1)):
+        spans = ((2.0, 2.06), (7.0, 7.0 + more_s))
+        speed = Demand("wheel speed", "rad/s", 41.0, 2.0, 40.0, spans)
+        assert len(Feasibility((speed,)).undrivable) == count
 
 
 def test_a_reference_that_asks_too_much_is_named_if_it_was_not_followed() -> None:

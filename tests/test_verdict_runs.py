@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.runs.verdict import warnings
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.verdict import demands_of, warnings
 
 LEAN = ["output.recording=false", "output.figures=false"]
 LYAPUNOV = 'controller={kind="lyapunov"}'
@@ -156,6 +157,23 @@ def test_only_contact_physics_needs_grip_and_torque() -> None:
     slippery = ["plant.contact.floor_friction=0.15"]  # of 0.9, where 4.87 N are there and 0.96 used
     (line,) = warnings(tt.load_scenario("inverted_trailer", slippery))
     assert "(limit 0.812 N)" in line
+
+
+@pytest.mark.parametrize(
+    ("override", "there"),
+    [
+        ("ground.slope_rad=0.01", False),
+        ("robot.casters.rolling_resistance_m=1e-4", False),
+        ("robot.hitch.coulomb_friction_n_m=1e-4", True),  # which the check knows
+    ],
+)
+def test_a_trailer_is_not_free_where_its_weight_pulls_or_its_balls_resist(
+    override: str, there: bool
+) -> None:
+    scenario = tt.load_scenario("outer_circle", [override])
+    demands = demands_of(scenario, sample_reference(scenario))
+    assert demands is not None
+    assert ("free trailer" in [check.name for check in demands.checks]) is there
 
 
 def test_limits_of_a_scenario_are_checked() -> None:

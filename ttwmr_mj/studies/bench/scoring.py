@@ -46,7 +46,7 @@ class Line:
         values: column → number; None where undefined.
         runs: how many there were.
         failures: how many of them did not follow.
-        lost: how many of those came to their end.
+        lost: how many of those finished.
         verdicts: name → how many got it.
         reason: of the first failure.
         command: runs its first seed again.
