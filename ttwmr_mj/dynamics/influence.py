@@ -11,7 +11,7 @@ dry and viscous friction act against θ̇2 − θ̇1.
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import ball_loads, resistance
+from ttwmr_mj.dynamics.balls import held_back as forces_on_balls
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -24,9 +24,11 @@ FADING_M_S = 1e-3  # a trailer slower than this is held back by less: no directi
 
 def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
     """(5,) what acts on the first trailer of a robot whose numbers are all known."""
-    casters, hitch, inertia = robot.casters, robot.hitch, robot.swing_inertia_kg_m2
-    _, load = ball_loads(robot, ground.normal_gravity_m_s2)
-    drag = 2.0 * resistance(robot, casters.rolling_resistance_m, load) / robot.trailer.mass_kg
+    hitch, inertia = robot.hitch, robot.swing_inertia_kg_m2
+    _, right, left = forces_on_balls(
+        robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2
+    )
+    drag = (right + left) / robot.trailer.mass_kg
     friction = hitch.coulomb_friction_n_m / inertia, hitch.damping_n_m_s_rad / inertia
     return np.array([*ground.gravity_m_s2, drag, *friction])
 

@@ -13,7 +13,7 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
+from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
@@ -82,8 +82,9 @@ class ContactPlant:
     def _settle(self) -> FloatArray:
         """(nq,) generalized positions of the robot standing still in its contacts at the origin.
 
-        It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
-        the floor's slope, it stands as if it were not pulled along.
+        It sinks and tilts about its y axis; nothing else may differ from the keyframe, but for a
+        load off the axis, which also tilts it about x. Whatever the floor's slope, it stands as if
+        it were not pulled along.
         """
         level = copy.copy(self.model)
         level.opt.gravity[:2] = 0.0
@@ -93,9 +94,10 @@ class ContactPlant:
         standing = np.array(qpos[0])
         alone.step(nstep=round(SETTLE_S / self.time_step_s))
         free = self._joints.free_qpos
-        height, tilt = free + HEIGHT, free + Y
-        standing[[height, tilt]] = np.round(qpos[0, [height, tilt]], SETTLED_DECIMALS)
-        standing[free + W] = np.sqrt(1.0 - standing[tilt] ** 2)
+        tilts = [free + Y, free + X] if self._robot.trailer.com_lateral_m else [free + Y]
+        sunk = [free + HEIGHT, *tilts]
+        standing[sunk] = np.round(qpos[0, sunk], SETTLED_DECIMALS)
+        standing[free + W] = np.sqrt(1.0 - (standing[tilts] ** 2).sum())
         return standing
 
     def reset(self, initial: RobotState) -> None:

@@ -5,7 +5,7 @@ import numpy as np
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
-from ttwmr_mj.dynamics.balls import ball_loads, resistance
+from ttwmr_mj.dynamics.balls import held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
@@ -74,7 +74,7 @@ def build_model(
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
     body = spec.body(name)
     body.mass = lump.mass_kg
-    body.ipos = [lump.x_m, 0.0, 0.0]
+    body.ipos = [lump.x_m, lump.y_m, 0.0]
     body.inertia = lump.yaw_inertia_kg_m2 * np.array([ROLL_SHARE, ROLL_SHARE, 1.0])
 
 
@@ -103,7 +103,7 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
     spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
     spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
-    spec.site("trailer_com").pos = [behind, 0.0, 0.0]
+    spec.site("trailer_com").pos = [behind, robot.trailer.com_lateral_m, 0.0]
     half_width = tractor.wheel_half_width_m
     for name, radius in zip(WHEELS, tractor.wheel_radii_m, strict=True):
         geom = spec.geom(name)
@@ -158,9 +158,7 @@ def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -
 def _hold_back(
     spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions, ground: Ground
 ) -> None:
-    nose, tail = ball_loads(robot, ground.normal_gravity_m_s2)
-    for name in CASTERS:
-        load = nose if name == TRACTOR_CASTER else tail
-        force = float(resistance(robot, robot.casters.rolling_resistance_m, load))
+    lever, weight = robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2
+    for name, force in zip(CASTERS, held_back(robot, lever, weight), strict=True):
         if force > 0:
-            add_runner(spec, name, force, options.contact_time_constant_s)
+            add_runner(spec, name, float(force), options.contact_time_constant_s)

@@ -4,17 +4,19 @@ import json
 import math
 import statistics
 from collections import Counter, defaultdict
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.results.curves import centre_of_oscillation
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Suite, rows_of
 
@@ -140,19 +142,16 @@ def _numbers(folder: Path) -> Metrics:
     stored = json.loads((folder / "metrics.json").read_text())
     return {
         **score(trajectory, robot)[0],
-        LAST_CENTRE: _last_error(trajectory, robot.swing_length_m),
-        LAST_P: _last_error(trajectory, 0.0),
+        LAST_CENTRE: _last_error(trajectory, lambda q: centre_of_oscillation(q, robot)),
+        LAST_P: _last_error(trajectory, lambda q: q[..., :2]),
         "control_time_per_sample_us": stored["control_time_per_sample_us"],
     }
 
 
-def _last_error(trajectory: Trajectory, behind_m: float) -> float | None:
-    """Largest error of a point behind P in the last share of a run [m]; None if undefined."""
+def _last_error(trajectory: Trajectory, point: Callable[[FloatArray], FloatArray]) -> float | None:
+    """Largest error of a point of q in the last share of a run [m]; None if undefined."""
     rows = slice(int((1.0 - LAST_SHARE) * len(trajectory)), None)
-    q, aim = trajectory.q[rows, 0], trajectory.ref_q[rows, 0]
-    miss = (q - aim)[:, :2]
-    if behind_m > 0.0:  # P has an aim where θ2 has none
-        miss = point_behind(q, behind_m) - point_behind(aim, behind_m)
+    miss = point(trajectory.q[rows, 0]) - point(trajectory.ref_q[rows, 0])
     largest = float(np.hypot(miss[:, 0], miss[:, 1]).max())
     return largest if math.isfinite(largest) else None
 
