@@ -7,12 +7,15 @@ A page says where a table goes: between <!-- table: NAME --> and <!-- end -->.
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.references.shared.reference import REFERENCES
+from ttwmr_mj.results.accept import AcceptOptions
+from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
 
 PAGES = sorted(Path(__file__).parent.glob("*.md"))
@@ -28,7 +31,27 @@ def kinds(registry: Mapping[str, type[Config]]) -> str:
     return "\n".join(rows) + "\n"
 
 
-TABLES = {"controllers": lambda: kinds(CONTROLLERS), "references": lambda: kinds(REFERENCES)}
+def verdicts() -> str:
+    """The verdicts, in the order in which they are looked for."""
+    rows = ["| verdict | in `metrics.json` | a run gets it if |", "|---|---|---|"]
+    rows += [f"| {words} | `{name}` | {when} |" for name, (words, when) in VERDICTS.items()]
+    return "\n".join(rows) + "\n"
+
+
+def options(model: type[Config]) -> str:
+    """The keys of a table of the scenario."""
+    rows = ["| key | default | what it is |", "|---|---|---|"]
+    for name, field in model.model_fields.items():
+        rows.append(f"| `{name}` | `{json.dumps(field.default)}` | {field.description} |")
+    return "\n".join(rows) + "\n"
+
+
+TABLES = {
+    "controllers": lambda: kinds(CONTROLLERS),
+    "references": lambda: kinds(REFERENCES),
+    "verdicts": verdicts,
+    "accept": lambda: options(AcceptOptions),
+}
 
 
 def filled(page: str) -> str:

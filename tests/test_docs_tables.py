@@ -7,6 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.results.verdict import VERDICTS
+from ttwmr_mj.scenario.file import load_scenario
+
 DOCS = Path(__file__).resolve().parent.parent / "docs"
 TABLES = runpy.run_path(str(DOCS / "tables.py"))
 
@@ -17,8 +21,22 @@ def test_a_page_is_up_to_date(page: Path) -> None:
     assert TABLES["filled"](text) == text, "run python docs/tables.py"
 
 
-def test_both_tables_have_a_place() -> None:
-    page = (DOCS / "controllers.md").read_text(encoding="utf-8")
-    assert set(TABLES["TABLES"]) == {name for _, name, _ in TABLES["PLACE"].findall(page)}
+def test_every_table_has_a_place() -> None:
+    pages = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("*.md")}
+    places = [name for page in pages.values() for _, name, _ in TABLES["PLACE"].findall(page)]
+    assert sorted(places) == sorted(TABLES["TABLES"])
+    page = pages["controllers.md"]
     assert "| `tvlqr` | " in page
     assert "| `flat_circle` | " in page
+    assert "| `end_theta2_rad` | `0.2` | largest error of θ2 at the end" in pages["verdict.md"]
+    assert "| lost | `lost` | P exceeded a limit |" in pages["verdict.md"]
+
+
+def test_the_page_on_verdicts_tells_of_every_shipped_scenario() -> None:
+    page = (DOCS / "verdict.md").read_text(encoding="utf-8")
+    for name in shipped_scenarios():
+        said = load_scenario(name).accept.verdict
+        row = next(
+            line for line in page.splitlines() if line.startswith("|") and f"`{name}`" in line
+        )
+        assert row.split(" | ")[1] == VERDICTS[said][0]

@@ -13,6 +13,8 @@ from ttwmr_mj.studies.bench.scoring import COLUMNS, RANKED_BY, Board, Line, _com
 def line(
     controller: str, error: float | None, failures: int = 0, lost: int = 0, task: str = "circle"
 ) -> Line:
+    """Two runs, of which some broke off and some were lost."""
+    verdicts = {"followed": 2 - failures, "failed": failures - lost, "lost": lost}
     names = {"controller": controller, "task": task, "plant": "contact", "sensing": "truth"}
     return Line(
         names=names | {"disturbance": "none"},
@@ -20,6 +22,7 @@ def line(
         runs=2,
         failures=failures,
         lost=lost,
+        verdicts=Counter({name: count for name, count in verdicts.items() if count}),
         reason="why" if failures else "",
         command=f"ttwmr run {controller}",
         manifest=f"runs/{controller}/manifest.json",
@@ -50,7 +53,7 @@ def test_fewer_failures_come_first_then_smaller_errors_then_the_suites_order() -
 
 def test_the_overview_says_who_stands_where_in_a_word() -> None:
     lines = ranked(
-        line("a", 1234.0, 2, lost=1),
+        line("a", 1234.0, 2, lost=2),
         line("b", None, 2),
         line("c", 0.0004),
         line("d", 2.0, 1),
@@ -92,7 +95,9 @@ def test_the_pages_show_every_line_with_its_command_and_its_failure() -> None:
     assert "ttwmr run a   # runs/a/manifest.json\n" in page
     row = next(text for text in page.splitlines() if text.startswith("| a | – |"))
     assert row.split(" | ")[HEAD.index(RANKED_BY)] == "3"
-    assert row.endswith(" 0/2 |")
+    assert row.endswith(" 0/2 | followed |")
+    row = next(text for text in page.splitlines() if text.startswith("| b | "))
+    assert row.endswith(" 1/2 | 1 followed; 1 failed |")
     assert "ttwmr run b" in to_html(board, "mine")
 
 

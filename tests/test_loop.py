@@ -24,7 +24,7 @@ from ttwmr_mj.errors import Fault
 from ttwmr_mj.runs.background import Background
 from ttwmr_mj.runs.build import generators, initial_state, sample_reference
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.loop import _forces
+from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.scenario.schema import PushOptions
 
 HERE = Path(__file__).parent
@@ -209,9 +209,12 @@ def test_pushes_add_up_while_they_act() -> None:
         PushOptions(start_s=1.2, duration_s=1.0, force_n=(10.0, 0.0)),
         PushOptions(start_s=1.0, duration_s=0.1, force_n=(0.0, -3.0), on="tractor"),
     )
+    drawn = Push.drawn(pushes, [np.random.default_rng(0)])
 
     def acting(time_s: float) -> dict[str, list[float]]:
-        return {half: force.tolist() for half, force in _forces(pushes, time_s).items()}
+        return {
+            half: force[0].tolist() for half, force in forces(drawn, time_s).items() if force.any()
+        }
 
     assert acting(0.99) == {}
     # at its start and no longer at its end, whatever way k·T rounds

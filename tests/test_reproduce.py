@@ -71,7 +71,7 @@ def test_what_cannot_be_run_is_named_and_the_rest_goes_on(
     page = done.report.read_text("utf-8")
     assert "Not run: lab-pid." in page
     assert "<td>not run</td>" in page
-    assert "<td>ok</td>" in page
+    assert "<td>lost: P " in page  # half a second is too short for the offset of the start
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ import ttwmr_mj as tt
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.runs import folder as folders
 from ttwmr_mj.runs.folder import git_commit, open_folder, results_folder
-from ttwmr_mj.runs.report import RESULT_ROWS, result_text, results, summary
+from ttwmr_mj.runs.report import HEADLINES, RESULT_ROWS, headline, result_text, results, summary
 
 QUIET = ["plant.kind=analytic", "output.recording=false", "output.figures=false"]
 
@@ -34,8 +34,8 @@ def test_the_manifest_says_what_made_the_folder(
     assert (
         list(manifest)
         == (
-            "schema_version scenario seed plant command_line created_utc ttwmr_mj python platform "
-            "libraries gl_backend git_commit"
+            "schema_version scenario seed pushes plant command_line created_utc ttwmr_mj python "
+            "platform libraries gl_backend git_commit"
         ).split()
     )
     assert manifest["schema_version"] == 1
@@ -118,7 +118,9 @@ def test_default_folders_sort_by_time() -> None:
 
 def test_numbers_are_read_in_handy_units() -> None:
     metrics = {key: 0.0123456 for key, *_ in RESULT_ROWS}
-    metrics |= {"settling_time_s": None, "control_overruns": 3, "status": "ok", "reason": ""}
+    metrics |= dict.fromkeys(HEADLINES, 0.0123456)
+    metrics |= {"settling_time_s": None, "control_overruns": 3}
+    metrics |= {"verdict": "tractor_follows_trailer_lost", "verdict_reason": "θ2 2 rad off"}
     shown = results(metrics)
     assert shown["P, rms error"] == "12.3 mm"
     assert shown["θ1, rms error, 2nd half"] == "12.3 mrad"
@@ -130,11 +132,20 @@ def test_numbers_are_read_in_handy_units() -> None:
     scenario = tt.load_scenario("lab_circle")
     text = result_text(scenario, metrics)
     assert text.startswith(
-        "**ok** · contact · lyapunov · seed 0\n\n| result | value |\n|---|---|\n"
+        "**tractor follows, trailer lost: θ2 2 rad off**\n\n"
+        "steady_centre_of_oscillation_rmse_m = 0.0123\n\n"
+        "contact · lyapunov · seed 0\n\n| result | value |\n|---|---|\n"
     )
     assert "| P, rms error | 12.3 mm |\n" in text
-    broken = result_text(scenario, metrics | {"status": "failed", "reason": "it broke"})
-    assert broken.startswith("**failed: it broke** · contact")
+    broken = metrics | {"verdict": "failed", "verdict_reason": "it broke"}
+    assert result_text(scenario, broken).startswith("**failed: it broke**\n\nsteady_centre")
+
+
+def test_the_headline_is_the_metric_of_the_task() -> None:
+    centre, tractor = HEADLINES
+    assert headline({centre: 2e-3, tractor: 1e-3}) == f"{centre} = 0.002"
+    assert headline({centre: None, tractor: 1e-3}) == f"{tractor} = 0.001"
+    assert headline({centre: None, tractor: None}) == ""
 
 
 def test_the_summary_says_what_was_asked() -> None:

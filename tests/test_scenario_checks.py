@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario import checks
 from ttwmr_mj.scenario.checks import CHECKS
@@ -25,6 +26,8 @@ kind = "lyapunov"
 """
 SEGMENT = "{duration_s=1.0,wheel_right_rad_s=1.0,wheel_left_rad_s=1.0}"
 OPEN_LOOP = ['reference={kind="none"}', f'controller={{kind="open_loop",segments=[{SEGMENT}]}}']
+MOVED = "belief.camera.x_m=0.01"
+CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
 PUSH = "plant.pushes=[{start_s=1.0,duration_s=0.1,force_n=[1.0,0.0]}]"
 ANALYTIC = "plant.kind=analytic"
 CAMERA = 'sensing={kind="camera"}'
@@ -121,6 +124,47 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["sensing.latency_s=1e-9"],
             "sensing.latency_s",
             "nearest: 0.033",
+        ),
+        (
+            ["sensing.latency_jitter_s=0.066"],
+            ["sensing.latency_jitter_s=0.05"],
+            "sensing.latency_jitter_s",
+            "nearest: 0.033 and 0.066",
+        ),
+    ],
+    "_command_latency": [
+        (
+            ["control.command_jitter_s=0.033"],
+            ["control.command_jitter_s=0.01"],
+            "control.command_jitter_s",
+            "nearest: 0.033",
+        ),
+        (
+            ["control.command_latency_s=0.01"],
+            ["control.command_latency_s=0.01025"],
+            "control.command_latency_s",
+            "(plant.contact.timestep_s)",
+        ),
+        (
+            [ANALYTIC, "control.sampling_time_s=0.03325"],
+            [ANALYTIC, "control.sampling_time_s=0.03325", "control.command_latency_s=0.01"],
+            "control.sampling_time_s",
+            "(plant.contact.timestep_s)",
+        ),
+    ],
+    "_believed_camera": [
+        ([CAMERA, MOVED], [MOVED], "belief.camera", "sensing.kind is 'truth'"),
+        (
+            [CAMERA, MOVED],
+            [CAMERA, MOVED, f"sensing.calibration_path={CALIBRATION}"],
+            "belief.camera",
+            "names a file",
+        ),
+        (
+            [CAMERA, "belief.camera.height_px=480"],
+            [CAMERA, "belief.camera.height_px=240"],
+            "belief.camera.height_px",
+            "480",
         ),
     ],
     "_one_period": [

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ttwmr_mj.channel import Channel, LatencyQueue
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import TruthSensing
-from ttwmr_mj.sensing import LatencyQueue, TruthSensor
+from ttwmr_mj.sensing import TruthSensor
 from ttwmr_mj.state import RobotState
 
 PERIOD = 0.033
@@ -37,14 +38,10 @@ def test_latency_is_exact_and_its_age_is_told(periods: int) -> None:
 
 
 def test_the_queue_gives_back_what_went_in_and_how_old_it_is() -> None:
-    queue = LatencyQueue[str](0.066, PERIOD)
-    assert [queue.exchange(word) for word in "abcde"] == [
-        ("a", 0),
-        ("a", 1),
-        ("a", 2),
-        ("b", 2),
-        ("c", 2),
-    ]
+    queue = LatencyQueue[str](Channel(latency=2), [np.random.default_rng(0)])
+    arrived = [queue.exchange(word).sent[0] for word in "abcde"]
+    assert arrived == [0, 0, 0, 1, 2]
+    assert queue.item(2) == "c"
 
 
 def test_noise_has_the_asked_deviation_and_is_independent_per_simulation() -> None:

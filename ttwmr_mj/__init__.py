@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.errors import InputError, MachineError, RunError, TtwmrError
     from ttwmr_mj.results.metrics import score
     from ttwmr_mj.results.trajectory import Trajectory
+    from ttwmr_mj.results.verdict import Verdict, judge
     from ttwmr_mj.robot import RobotParameters
     from ttwmr_mj.runs.experiment import Result
     from ttwmr_mj.scenario.file import check_scenario, load_scenario
@@ -33,8 +34,10 @@ __all__ = [
     "Task",
     "Trajectory",
     "TtwmrError",
+    "Verdict",
     "check_scenario",
     "compare",
+    "judge",
     "load_scenario",
     "run",
     "score",
@@ -51,6 +54,7 @@ _HOMES = {
     "errors": ("InputError", "MachineError", "RunError", "TtwmrError"),
     "results.metrics": ("score",),
     "results.trajectory": ("Trajectory",),
+    "results.verdict": ("Verdict", "judge"),
     "robot": ("RobotParameters",),
     "runs.experiment": ("Result",),
     "scenario.file": ("check_scenario", "load_scenario"),

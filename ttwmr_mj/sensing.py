@@ -1,29 +1,53 @@
 """What the controller is told: an estimate with its age and validity."""
 
 from abc import ABC, abstractmethod
-from collections import deque
-from dataclasses import dataclass, replace
-from typing import Annotated, Generic, Literal, TypeVar
+from dataclasses import dataclass
+from typing import Annotated, Literal, TypeVar
 
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.channel import Arrived, Channel, LatencyQueue
 from ttwmr_mj.robot import Config
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 T = TypeVar("T")
 UpTo10 = Annotated[float, Field(ge=0, le=10)]
+Lost = Annotated[float, Field(ge=0, lt=1)]
 
 
-class TruthSensing(Config):
-    """The true state, with optional latency and noise."""
+class SensingOptions(Config):
+    """The channel from any sensor to the controller."""
 
-    kind: Literal["truth"] = "truth"
+    kind: str
     latency_s: UpTo10 = Field(
         default=0.0,
         description="age of the state when it arrives, a whole number of control periods; "
         "typically 0.033",
     )
+    latency_jitter_s: UpTo10 = Field(
+        default=0.0,
+        description="largest additional latency; each measurement's is a random whole number of "
+        "control periods, uniform from 0; overtaken measurements are discarded; typically 0.033",
+    )
+    drop_probability: Lost = Field(
+        default=0.0,
+        description="probability that a measurement is lost, so that the last one has to serve; "
+        "typically 0.02",
+    )
+    clock_offset_s: float = Field(
+        default=0.0,
+        ge=-10,
+        le=10,
+        description="error of the measurements' time stamps; positive: later than the truth, so "
+        "that measurements seem younger than they are; typically 0.01",
+    )
+
+
+class TruthSensing(SensingOptions):
+    """The true state, late and noisy if asked."""
+
+    kind: Literal["truth"] = "truth"
     position_noise_m: UpTo10 = Field(
         default=0.0, description="standard deviation of the noise in x and y; typically 0.001"
     )
@@ -77,32 +101,59 @@ class Sensor(ABC):
         """Release the sensor's resources."""
 
 
-class LatencyQueue(Generic[T]):
-    """Delays what a sensor measures by whole control periods.
+class MeasurementQueue(LatencyQueue[T]):
+    """The channel of measurements, and the time stamps that the receiver gives them.
 
-    Until the first measurement is that old, it is returned in place of those that are due.
+    A time stamp is the time of arrival minus the latency that the receiver assumes. Jitter and a
+    latency that it does not know make the stamp late, as a clock offset does.
+
+    Attributes:
+        is_direct: measurements arrive at once, with exact time stamps.
     """
 
-    def __init__(self, latency_s: float, period_s: float) -> None:
-        self._delay = round(latency_s / period_s)
-        self._waiting: deque[T] = deque()
+    def __init__(
+        self,
+        options: SensingOptions,
+        period_s: float,
+        rngs: list[np.random.Generator],
+        told_latency_s: float | None = None,
+    ) -> None:
+        """Set up.
 
-    def exchange(self, fresh: T) -> tuple[T, int]:
-        """Put in this period's measurement; take out what is due, and its age in periods."""
-        self._waiting.append(fresh)
-        due, age = self._waiting[0], len(self._waiting) - 1
-        if age == self._delay:
-            self._waiting.popleft()
-        return due, age
+        Args:
+            options: the channel.
+            period_s: control period; a measurement is sent in each.
+            rngs: one per simulation.
+            told_latency_s: the latency that the receiver assumes; None: the true one.
+        """
+        latency, jitter = (
+            round(s / period_s) for s in (options.latency_s, options.latency_jitter_s)
+        )
+        super().__init__(Channel(latency, jitter, options.drop_probability), rngs)
+        untold_s = 0.0 if told_latency_s is None else latency * period_s - told_latency_s
+        self._latency, self._period_s = latency, period_s
+        self._late_s = untold_s + options.clock_offset_s
+        self.is_direct = not (latency or self._channel.is_random or self._late_s)
+
+    def stamp_error_s(self, arrived: Arrived) -> FloatArray:
+        """(nsim,) by how much the stamps of what has arrived are later than its time."""
+        return np.asarray((arrived.travel - self._latency) * self._period_s + self._late_s)
 
 
 class TruthSensor(Sensor):
-    """The true state plus white Gaussian noise, through the latency queue."""
+    """The true state plus white Gaussian noise, through the queue."""
 
     def __init__(
-        self, options: TruthSensing, period_s: float, nsim: int, rng: np.random.Generator
+        self,
+        options: TruthSensing,
+        period_s: float,
+        nsim: int,
+        rng: np.random.Generator,
+        told_latency_s: float | None = None,
     ) -> None:
-        self._queue = LatencyQueue[Estimate](options.latency_s, period_s)
+        """Set up; `told_latency_s` is as of `MeasurementQueue`."""
+        rngs = rng.spawn(nsim)  # of what happens on the way; the noise does not change by it
+        self._queue = MeasurementQueue[RobotState](options, period_s, rngs, told_latency_s)
         self._period_s = period_s
         self._rng = rng
         position, angle = options.position_noise_m, options.angle_noise_rad
@@ -114,12 +165,29 @@ class TruthSensor(Sensor):
         self._fresh = np.zeros(nsim)
         self._valid = np.ones(nsim, dtype=np.bool_)
         self._no_labels = np.full(nsim, np.nan)
+        self._k = -1
 
     def observe(self, truth: RobotState) -> Estimate:
         """Measure the true state; every simulation has its own noise."""
+        self._k += 1
         if self._noisy:
             noise = self._rng.standard_normal((truth.nsim, 2, 4)) * self._noise
             truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
-        fresh = Estimate(truth, self._fresh, self._valid, self._no_labels)
-        due, age = self._queue.exchange(fresh)
-        return replace(due, age_s=due.age_s + age * self._period_s) if age else due
+        if self._queue.is_direct:
+            return Estimate(truth, self._fresh, self._valid, self._no_labels)
+        arrived = self._queue.exchange(truth)
+        age = (self._k - arrived.sent) * self._period_s - self._queue.stamp_error_s(arrived)
+        # a stamp of the future is taken for now
+        return Estimate(self._arrived(arrived), np.maximum(age, 0.0), self._valid, self._no_labels)
+
+    def _arrived(self, arrived: Arrived) -> RobotState:
+        """What each simulation's controller has, out of the periods it was sent in."""
+        first, *others = np.unique(arrived.sent).tolist()
+        state = self._queue.item(first)
+        if not others:
+            return state
+        q, q_rate = state.q.copy(), state.q_rate.copy()
+        for sent in others:
+            here, state = arrived.sent == sent, self._queue.item(sent)
+            q[here], q_rate[here] = state.q[here], state.q_rate[here]
+        return RobotState(q=q, q_rate=q_rate)

@@ -55,6 +55,12 @@ class Overrides(Subcommand):
         return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragment)
 
 
+def warn(lines: list[str]) -> None:
+    """Say what is worth knowing and no error."""
+    for line in lines:
+        print(f"ttwmr: warning: {line}", file=sys.stderr)
+
+
 def command_line() -> list[str]:
     """What the user typed, for the manifest."""
     return ["ttwmr", *sys.argv[1:]]

@@ -32,6 +32,7 @@ class Task:
         nsim: simulations in the batch.
         rng: the controller's own random numbers.
         ground: the floor, as the controller is told it.
+        command_latency_s: how long a command takes to the servos, as the controller is told it.
     """
 
     robot: RobotParameters
@@ -40,12 +41,23 @@ class Task:
     nsim: int
     rng: np.random.Generator
     ground: Ground = field(default_factory=Ground)
+    command_latency_s: float = 0.0
 
     @property
     def path(self) -> ReferencePath:
         """The reference, for laws that need one; the options' `faults` say when it is missing."""
         assert self.reference is not None, "this law needs a reference"
         return self.reference
+
+    @property
+    def ahead(self) -> int:
+        """Whole periods that a command takes, the nearest number."""
+        return round(self.command_latency_s / self.sampling_time_s)
+
+    @property
+    def path_ahead(self) -> ReferencePath:
+        """The reference at the times at which the commands of samples 0, 1, … arrive."""
+        return self.path.after(self.ahead)
 
 
 @dataclass(frozen=True, slots=True)

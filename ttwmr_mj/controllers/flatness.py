@@ -73,7 +73,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
     def start(self, task: Task) -> None:
         """Take the reference."""
         super().start(task)
-        path, options, nsim = task.path, self._options, task.nsim
+        path, options, nsim = task.path_ahead, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
         flat = path.flat_derivatives
         direction, _ = trailer_axes(path.theta2_rad[0])
@@ -133,7 +133,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         t, n = trailer_axes(theta2)
         length = self._robot.trailer.com_offset_m
         com = velocity_behind(self._velocity(now), theta2, rate, length)
-        return push + held_back(now.influence[:, DRAG], dot(com, t), dot(com, n)) / self._length
+        along, across, drag = dot(com, t), dot(com, n), now.influence[:, DRAG]
+        return push + held_back(drag, along, across, rate, self._robot) / self._length
 
     def _fourth_derivative(
         self, k: int, now: Observed, d: FloatArray

@@ -57,7 +57,7 @@ class Mpc(PlanningLaw["MpcOptions"]):
         weights, learns = self._options.weights, self._learns
         self._problem = TrackingProblem(self._robot, smooth, weights, learns=learns)
         self._horizon: Rollout | None = None
-        self._plan(task.path)
+        self._plan(task.path_ahead)
 
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
         problem = self._problem

@@ -50,7 +50,7 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         smooth, free = self._friction.planning(self._period), self._friction.free(self._period)
         self._smooth = TrackingProblem(robot, smooth, weights, learns=learns)
         self._free = TrackingProblem(robot, free, weights, learns=learns)
-        self._plan(task.path)
+        self._plan(task.path_ahead)
 
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
         self._state, self._command = fit(

@@ -67,12 +67,24 @@ def resisting_torque(
         forces: that hold them back [N], or anything in proportion.
         fading_m_s: a slower ball is held back by less.
     """
-    length, spacing = robot.trailer.com_offset_m, robot.casters.trailer_half_spacing_m
     along, across = to_body(hitch_rad, *p_speed)
-    across = across - length * theta2_rate
-    torque = np.zeros_like(along)
+    across = across - robot.trailer.com_offset_m * theta2_rate
+    return torque_about_p(along, across, theta2_rate, robot, forces, fading_m_s)
+
+
+def torque_about_p(
+    along_m_s: FloatArray,
+    across_m_s: FloatArray,
+    theta2_rate: FloatArray,
+    robot: RobotParameters,
+    forces: Forces,
+    fading_m_s: float = FADING_M_S,
+) -> FloatArray:
+    """The same, of the velocity of the balls' middle along the trailer and to its left."""
+    length, spacing = robot.trailer.com_offset_m, robot.casters.trailer_half_spacing_m
+    torque = np.zeros_like(along_m_s)
     for side, force in ((-spacing, forces.right), (spacing, forces.left)):
-        ahead, left = direction(along - side * theta2_rate, across, fading_m_s)
+        ahead, left = direction(along_m_s - side * theta2_rate, across_m_s, fading_m_s)
         torque += force * (length * left + side * ahead)
     return torque
 

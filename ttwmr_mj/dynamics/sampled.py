@@ -59,7 +59,7 @@ class SampledModel:
         self.speed_limit_rad_s = servo.speed_limit_rad_s
         self._wheels = wheel_geometry(robot)
         self._length, self._lean = robot.swing_length_m, robot.lean_rad
-        self._com = robot.trailer.com_offset_m
+        self._robot = robot
         self._stiffness = robot.hitch.stiffness_n_m_rad / robot.swing_inertia_kg_m2  # [1/s²]
         self.influence = influence_of(robot, ground or Ground())
         self._smoothing = smoothing_rad_s
@@ -116,8 +116,8 @@ class SampledModel:
                 kick = kick - step * sideways(swung, gx, gy)
             if resisted:
                 along, across = to_body(theta2, new_vx, new_vy)
-                across = across - self._com * rate
-                kick = kick + step * held_back(acting[..., DRAG], along, across)
+                across = across - self._robot.trailer.com_offset_m * rate
+                kick = kick + step * held_back(acting[..., DRAG], along, across, rate, self._robot)
             rate = rate + kick / self._length + step * unexplained
             rate = self._hitch(rate, theta2 - middle, turn, step, acting)
             theta2 = theta2 + 0.5 * step * rate

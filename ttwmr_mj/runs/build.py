@@ -67,20 +67,21 @@ def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
     """
     options, robot = scenario.plant, scenario.robot
     refuse_trains(robot)
-    period_s, longest_s = scenario.control.sampling_time_s, options.analytic.max_step_s
+    step_s = scenario.control.sampling_time_s / scenario.steps_per_period
+    longest_s = options.analytic.max_step_s
     if options.kind == "analytic" and options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
 
         model = ExtendedModel.of(robot, options.analytic.extended, scenario.ground)
-        return ExtendedPlant(model, nsim, period_s, longest_s)
+        return ExtendedPlant(model, nsim, step_s, longest_s)
     if options.kind == "analytic":
         from ttwmr_mj.plants.analytic import AnalyticPlant
 
         return AnalyticPlant(
             robot,
             nsim,
-            period_s,
+            step_s,
             longest_s,
             ground=scenario.ground,
             published_spring=options.analytic.published_spring,
@@ -114,7 +115,7 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     """
     section, period = scenario.sensing, scenario.control.sampling_time_s
     if section.kind == "truth":
-        return TruthSensor(section, period, plant.nsim, rng)
+        return TruthSensor(section, period, plant.nsim, rng, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.plants.mjcf import build_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
@@ -122,13 +123,15 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     calibration_rng, camera_rng = rng.spawn(2)
     return CameraSensor(
         section,
-        find_calibration(section, calibration_rng, folder).camera,
+        find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
         scenario.believed_robot,
         build_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,
         joint_positions=plant.joint_positions,
+        told_latency_s=scenario.belief.latency_s,
+        told_command_latency_s=scenario.believed_command_latency_s,
         segmentation=scenario.output.save_frames,
     )
 

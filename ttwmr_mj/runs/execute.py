@@ -14,6 +14,7 @@ from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.runs.background import Background
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.report import result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
@@ -115,15 +116,20 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
-    """metrics.json of a run of one simulation: status first, then the numbers."""
-    (outcome,), (numbers,) = result.outcomes, score(result.trajectory, scenario.robot)
+    """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
+    rows = judged(result.trajectory, scenario)
+    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
+    (verdict,) = result.verdicts
     took = result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
+        "verdict": verdict.name,
+        "verdict_reason": verdict.what,
         "status": outcome.status,
         "reason": outcome.reason,
         "end_time_s": outcome.time_s,
         **numbers,
+        **frame_metrics(scenario),
         "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
         # Commands that took longer than a period, on this machine under its load. On a real robot
         # they would come too late; here they are used all the same, so that results do not depend

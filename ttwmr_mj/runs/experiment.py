@@ -7,10 +7,15 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs import build
+from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.pushes import Push
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -28,6 +33,7 @@ class Result:
         wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
             (bookkeeping), "report".
         control_time_s: (n,) wall time of every command, the whole batch's.
+        demands: what the reference asked of the robot; None without reference.
     """
 
     scenario: Scenario
@@ -35,6 +41,21 @@ class Result:
     outcomes: tuple[Outcome, ...]
     wall_time_s: dict[str, float]
     control_time_s: FloatArray
+    demands: Feasibility | None
+
+    @property
+    def verdicts(self) -> tuple[Verdict, ...]:
+        """Whether each simulation did its job."""
+        return tuple(
+            verdict_on(
+                self.scenario,
+                self.trajectory.simulation(i),
+                self.demands,
+                outcome.status,
+                outcome.reason,
+            )
+            for i, outcome in enumerate(self.outcomes)
+        )
 
 
 class Experiment:
@@ -79,12 +100,23 @@ class Experiment:
             InputError: the controller cannot start.
         """
         scenario, plant = self.scenario, self.plant
-        rng = build.generators(scenario.seed, ("sensor", "controller"))
+        rng = build.generators(scenario.seed, ("sensor", "controller", "commands"))
         self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
         if report:
             self.sensor.keep_log()
         plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
-        loop = Loop(scenario, plant, self.sensor, self._controller, self._blank_rows(), report)
+        loop = Loop(
+            scenario,
+            plant,
+            self.sensor,
+            self._controller,
+            self._blank_rows(),
+            report,
+            Actuation(
+                scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
+            ),
+            Push.of_scenario(scenario, self.nsim),
+        )
         task = Task(
             scenario.believed_robot,
             self._told,
@@ -92,6 +124,7 @@ class Experiment:
             self.nsim,
             rng["controller"],
             scenario.believed_ground,
+            scenario.believed_command_latency_s,
         )
         loop.run(task)
         return Result(
@@ -100,6 +133,7 @@ class Experiment:
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
+            demands=demands_of(scenario, self.reference),
         )
 
     def _blank_rows(self) -> Trajectory:

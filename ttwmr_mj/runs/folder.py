@@ -9,6 +9,7 @@ from pathlib import Path
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_text
+from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.file import dump_scenario
 from ttwmr_mj.scenario.schema import Scenario
 
@@ -53,6 +54,7 @@ def write_manifest(folder: Path, scenario: Scenario, command_line: list[str]) ->
         "schema_version": SCHEMA_VERSION,
         "scenario": scenario.name,
         "seed": scenario.seed,
+        "pushes": [push.told() for push in Push.of_scenario(scenario)],
         "plant": scenario.plant.kind,
         "command_line": command_line,
         "created_utc": datetime.now(UTC).isoformat(timespec="seconds"),

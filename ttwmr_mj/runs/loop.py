@@ -13,11 +13,13 @@ from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory, column_names
+from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.runs.stopwatch import Stopwatch
-from ttwmr_mj.scenario.schema import PushOptions, Scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
-from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+from ttwmr_mj.state import BoolArray, RobotState
 
 Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
@@ -55,6 +57,8 @@ class Loop:
         rows: blank but for times and reference; filled in place.
         report: called with the rows that are new, at most every REPORT_EVERY_S of wall time, and
             once with the last ones.
+        actuation: the commands' way to the plant.
+        pushes: what disturbs it.
         ends: how simulations ended, as far as they have.
         done: rows filled so far.
         control_time_s: wall time of every command, the whole batch's.
@@ -67,6 +71,8 @@ class Loop:
     controller: Controller
     rows: Trajectory
     report: Report | None
+    actuation: Actuation
+    pushes: tuple[Push, ...]
     ends: dict[int, Outcome] = field(default_factory=dict)
     done: int = 0
     control_time_s: list[float] = field(default_factory=list)
@@ -160,10 +166,9 @@ class Loop:
         """Hold the command until the next sample, if there is one; and report now and then."""
         scenario, plant = self.scenario, self.plant
         if k < scenario.periods:
-            if scenario.plant.pushes:
-                time_s = k * scenario.control.sampling_time_s
-                plant.push(_forces(scenario.plant.pushes, time_s))
-            plant.advance(command.wheel_speed_rad_s, scenario.steps_per_period)
+            if self.pushes:
+                plant.push(forces(self.pushes, k * scenario.control.sampling_time_s))
+            self.actuation.drive(plant, command.wheel_speed_rad_s)
         now = self.watch.lap("plant")
         if self.report and now - self._last_report_s > REPORT_EVERY_S:
             self.report(self.rows.rows(self._reported, self.done))
@@ -222,16 +227,6 @@ def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:
     age = estimate.measurement_age_s
     rows.measurement_age_s[k] = estimate.age_s if age is None else age
     rows.labels_found[k] = estimate.labels_found
-
-
-def _forces(pushes: tuple[PushOptions, ...], time_s: float) -> dict[str, FloatArray]:
-    """Half → (2,) sum of the pushes that act in the control period that starts now."""
-    forces: dict[str, FloatArray] = {}
-    for push in pushes:
-        # a hair early, so that a start at a sample belongs to its period
-        if push.start_s - 1e-9 <= time_s < push.start_s + push.duration_s - 1e-9:
-            forces[push.on] = forces.get(push.on, 0.0) + np.array(push.force_n)
-    return forces
 
 
 def _broken(error: BaseException, time_s: float, limit_s: float) -> str:

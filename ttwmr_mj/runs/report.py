@@ -2,8 +2,11 @@
 
 from typing import Any
 
+from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.scenario.schema import Scenario
 
+# what a run is measured by: where the trailer goes if the reference says where, else where P goes
+HEADLINES = ("steady_centre_of_oscillation_rmse_m", "steady_tractor_rmse_m")
 RESULT_ROWS = (
     ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
     ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
@@ -45,11 +48,22 @@ def results(metrics: dict[str, Any]) -> dict[str, str]:
     }
 
 
+def verdict_line(metrics: dict[str, Any]) -> str:
+    """The verdict with the number and the limit that decided."""
+    return f"{VERDICTS[metrics['verdict']][0]}: {metrics['verdict_reason']}"
+
+
+def headline(metrics: dict[str, Any]) -> str:
+    """The metric of the task, under its name in metrics.json; empty where there is none."""
+    defined = (name for name in HEADLINES if metrics[name] is not None)
+    return next((f"{name} = {metrics[name]:.3g}" for name in defined), "")
+
+
 def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
     """What it was and how it ended, for the recording's text panel."""
     what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
-    status = metrics["status"] + (f": {metrics['reason']}" if metrics["reason"] else "")
-    return f"**{status}** · {what}\n\n{_table('result', results(metrics))}"
+    lines = "\n\n".join(filter(None, [f"**{verdict_line(metrics)}**", headline(metrics), what]))
+    return f"{lines}\n\n{_table('result', results(metrics))}"
 
 
 def _table(title: str, rows: dict[str, str]) -> str:

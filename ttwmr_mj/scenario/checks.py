@@ -16,6 +16,7 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.scenario.schema import Scenario
 
 STEP = "plant.contact.timestep_s"
+MOST_AHEAD = 16  # periods, so that half of what observers remember is left to measurements
 MOST_SAMPLES = 20_000  # a longer run is looked at that often; the run looks at every sample
 
 
@@ -99,9 +100,50 @@ def physics_step_faults(scenario: Scenario) -> Iterable[Fault]:
 
 
 def _latency(scenario: Scenario) -> Iterable[Fault]:
-    period = scenario.control.sampling_time_s
-    key = ("sensing", "latency_s")
-    yield from _whole_steps(key, scenario.sensing.latency_s, period, "control.sampling_time_s")
+    sensing, period = scenario.sensing, scenario.control.sampling_time_s
+    for name in ("latency_s", "latency_jitter_s"):
+        value = getattr(sensing, name)
+        yield from _whole_steps(("sensing", name), value, period, "control.sampling_time_s")
+
+
+def _command_latency(scenario: Scenario) -> Iterable[Fault]:
+    control = scenario.control
+    latency_s, jitter_s, period = (
+        control.command_latency_s,
+        control.command_jitter_s,
+        control.sampling_time_s,
+    )
+    key = ("control", "command_jitter_s")
+    yield from _whole_steps(key, jitter_s, period, "control.sampling_time_s")
+    told = "control" if scenario.belief.command_latency_s is None else "belief"
+    if scenario.believed_command_latency_s > (MOST_AHEAD + 0.5) * period:
+        got = f"{scenario.believed_command_latency_s:g}"
+        allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g}, where it is told"
+        yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed)
+    if latency_s:
+        step = scenario.plant.contact.timestep_s
+        yield from _whole_steps(("control", "command_latency_s"), latency_s, step, STEP)
+        if scenario.plant.kind == "analytic":  # which counts in these steps only then
+            yield from physics_step_faults(scenario)
+
+
+def _believed_camera(scenario: Scenario) -> Iterable[Fault]:
+    sensing, key = scenario.sensing, ("belief", "camera")
+    if not scenario.belief.camera:
+        return
+    if sensing.kind != "camera":
+        yield Fault(key=key, got="a table", problem=f"sensing.kind is {sensing.kind!r}")
+    elif sensing.calibration_path is not None:
+        problem = "sensing.calibration_path names a file, which is what is believed of the camera"
+        yield Fault(key=key, got="a table", problem=problem, hint="leave one of them out")
+    else:
+        for name in ("name", "width_px", "height_px"):
+            true, believed = (getattr(c, name) for c in (sensing.camera, scenario.believed_camera))
+            if believed != true:
+                problem = "a camera that is calibrated takes the same pictures"
+                yield Fault(
+                    key=(*key, name), got=repr(believed), problem=problem, allowed=repr(true)
+                )
 
 
 def _whole_steps(key: Keys, value: float, unit: float, unit_key: str) -> Iterable[Fault]:
@@ -148,7 +190,9 @@ CHECKS = (
     Check(_contact_only, ("plant.kind", "plant.pushes", "output")),
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
-    Check(_latency, ("sensing.kind", "sensing.latency_s", "control")),
+    Check(_latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")),
+    Check(_command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),
+    Check(_believed_camera, ("sensing", "belief")),
     Check(_one_period, ("duration_s", "control")),
     Check(_reference, ("reference", "robot", "belief")),
     Check(_controller, ("reference", "robot", "belief", "controller", "control", "duration_s")),

@@ -176,7 +176,7 @@ def _unset(override: str, **words: str) -> InputError:
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
     data = scenario.model_dump(mode="json")
-    believed = {key: value for key, value in data.pop("belief").items() if value}
+    believed = {key: value for key, value in data.pop("belief").items() if value not in ({}, None)}
     if believed:  # a table that is empty would read as if something were believed
         data["belief"] = believed
     return tomli_w.dumps(_without_none(data))

@@ -15,8 +15,10 @@ from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import REFERENCES, Angle, Point, Reference
-from ttwmr_mj.robot import Config, RobotParameters
-from ttwmr_mj.sensing import TruthSensing
+from ttwmr_mj.results.accept import AcceptOptions
+from ttwmr_mj.robot import Config, RobotParameters, merged
+from ttwmr_mj.sensing import Lost, TruthSensing, UpTo10
+from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.options import CameraSensing
 
 SCHEMA_VERSION = 1
@@ -109,6 +111,16 @@ class PushOptions(Config):
     force_n: Point = Field(
         description="force (x, y) in the world frame; typically 0.5, the robot's weight is 12 N"
     )
+    random_within_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=MAX_DURATION_S,
+        description="the start is delayed by a random time, uniform between 0 and this value; the "
+        "time of one lap makes all phases equally likely; typically 6",
+    )
+    random_direction: bool = Field(
+        default=False, description="rotate the force by a random angle, uniform over the full turn"
+    )
 
 
 class PlantOptions(Config):
@@ -143,6 +155,25 @@ class ControlOptions(Config):
         description="CPU time after which a command times out and the run ends as failed; "
         "typically 2. The limit in wall time is 15 times as long, for a "
         "controller that waits",
+    )
+    command_latency_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="time from a sample until the servos receive its command, a whole number of "
+        "physics steps (plant.contact.timestep_s) on both plants; typically 0.01",
+    )
+    command_jitter_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=10,
+        description="largest additional latency of a command; the value is a random whole number "
+        "of control periods, uniform from 0; overtaken commands are discarded; typically 0.033",
+    )
+    command_drop_probability: Lost = Field(
+        default=0.0,
+        description="probability that a command is lost, so that the servos hold the last one; "
+        "typically 0.02",
     )
 
 
@@ -186,6 +217,21 @@ class BeliefOptions(Config):
         description="the floor that they assume: any part of [ground]; keys left out keep their "
         "true values",
     )
+    camera: Annotated[dict[str, Any], GetPydanticSchema(_part_of(CameraOptions))] = Field(
+        default={},
+        description="the camera when it was calibrated before the run: any part of "
+        "[sensing.camera]; keys left out keep their true values",
+    )
+    latency_s: UpTo10 | None = Field(
+        default=None,
+        description="the latency of measurements that the controller and the camera tracker "
+        "assume; default: the true sensing.latency_s; typically 0.033",
+    )
+    command_latency_s: UpTo10 | None = Field(
+        default=None,
+        description="the latency of commands that the controller and the camera tracker assume; "
+        "default: the true control.command_latency_s; typically 0.01",
+    )
 
 
 class Scenario(Config):
@@ -218,6 +264,7 @@ class Scenario(Config):
         default=TruthSensing(), description="how the controller learns where the robot is"
     )
     output: OutputOptions = OutputOptions()
+    accept: AcceptOptions = AcceptOptions()
 
     @field_validator("initial", mode="before")
     @classmethod
@@ -240,6 +287,25 @@ class Scenario(Config):
         return Ground(**self.ground.model_dump() | self.belief.ground)
 
     @property
+    def believed_camera(self) -> CameraOptions:
+        """The camera as it was when calibrated; before a calibration file nobody had moved it.
+
+        Raises:
+            AssertionError: the scenario has no camera.
+        """
+        assert self.sensing.kind == "camera", "asked of a scenario without a camera"
+        camera = self.sensing.camera
+        if self.belief.camera:
+            return CameraOptions(**merged(camera, self.belief.camera))
+        return camera.unmoved if self.sensing.calibration_path else camera
+
+    @property
+    def believed_command_latency_s(self) -> float:
+        """`control.command_latency_s` as controller and camera tracker know it."""
+        told = self.belief.command_latency_s
+        return self.control.command_latency_s if told is None else told
+
+    @property
     def periods(self) -> int:
         """Whole control periods in the run."""
         return int(self.duration_s / self.control.sampling_time_s * (1 + 1e-12))
@@ -253,8 +319,8 @@ class Scenario(Config):
     def steps_per_period(self) -> int:
         """The plant's steps in a control period; the loader made sure it is a whole number.
 
-        The analytic plants solve a whole period at once.
+        The analytic plants solve a whole period at once, unless a command may come within it.
         """
-        if self.plant.kind == "analytic":
+        if self.plant.kind == "analytic" and not self.control.command_latency_s:
             return 1
         return round(self.control.sampling_time_s / self.plant.contact.timestep_s)

@@ -22,7 +22,7 @@ PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 def calibrate_scenario(scenario: Scenario) -> Calibration:
-    """Show the board to a scenario's simulated camera.
+    """Show the board to a scenario's simulated camera, as it is believed to be.
 
     Raises:
         InputError: the scenario has no camera, or the board was not found often enough.
@@ -36,7 +36,7 @@ def calibrate_scenario(scenario: Scenario) -> Calibration:
             hint="add --set sensing.kind=camera, or give a scenario with a camera",
         )
     rng = generators(scenario.seed, ("calibration",))["calibration"]
-    return calibrate_virtual(scenario.sensing.camera, rng)
+    return calibrate_virtual(scenario.believed_camera, rng)
 
 
 def calibrate_from_images(folder: Path) -> Calibration:

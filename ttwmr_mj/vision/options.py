@@ -5,7 +5,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, model_validator
 
 from ttwmr_mj.files import input_file
-from ttwmr_mj.robot import Config, merged
+from ttwmr_mj.robot import merged
+from ttwmr_mj.sensing import SensingOptions, UpTo10
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 
@@ -13,7 +14,7 @@ CALIBRATION = "make it with ttwmr calibrate, or leave the key out to calibrate b
 PRESETS = {"lab": LAB_CAMERA, "clean": CameraOptions()}
 
 
-class CameraSensing(Config):
+class CameraSensing(SensingOptions):
     """The overhead camera as the only sensor."""
 
     kind: Literal["camera"]
@@ -22,10 +23,8 @@ class CameraSensing(Config):
         description="where camera values that are not given come from: the laboratory's "
         "camera, or a perfect one",
     )
-    latency_s: float = Field(
+    latency_s: UpTo10 = Field(
         default=0.033,
-        ge=0,
-        le=10,
         description="time from the end of the exposure to the arrival of the frame, a whole "
         "number of control periods; typically 0.033",
     )

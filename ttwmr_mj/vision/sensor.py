@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -11,13 +12,14 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.sensing import Estimate, LatencyQueue, Sensor
+from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.log import CameraRecord
 from ttwmr_mj.vision.options import CameraSensing
@@ -50,6 +52,8 @@ class CameraSensor(Sensor):
         nsim: int,
         rng: np.random.Generator,
         joint_positions: Callable[[], FloatArray],
+        told_latency_s: float | None = None,
+        told_command_latency_s: float = 0.0,
         segmentation: bool = False,
     ) -> None:
         """Set up a camera and a tracker per simulation.
@@ -64,6 +68,8 @@ class CameraSensor(Sensor):
             rng: source of all noise and faults.
             joint_positions: the plant's, (nsim, nq), so that frames show every joint; of a plant
                 without joints, the robot is drawn from q alone.
+            told_latency_s: as of `MeasurementQueue`.
+            told_command_latency_s: after what time the trackers take a command to act.
             segmentation: whether frames carry the class of every pixel; costs time.
 
         Raises:
@@ -73,12 +79,12 @@ class CameraSensor(Sensor):
         # camera and loop keep two cores busy; parting a strip of a picture among more threads
         # costs more time than it saves
         cv2.setNumThreads(1)
-        children = rng.spawn(2 * nsim)
+        children = rng.spawn(3 * nsim)  # three of each simulation's, whatever the batch
         # OpenGL belongs to one thread; in one of its own, frames are exposed while the physics
         # and the tracker go on, for as long as they are travelling anyway
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         make = partial(VirtualCamera, section.camera, model, segmentation=segmentation)
-        made = [self._worker.submit(make, child) for child in children[:nsim]]
+        made = [self._worker.submit(make, child) for child in children[::3]]
         self.cameras: list[VirtualCamera] = [camera.result() for camera in made]
         self.layout = layout = self.cameras[0].layout
         self.trackers = [
@@ -86,11 +92,13 @@ class CameraSensor(Sensor):
         ]
         self.estimates: list[TrackEstimate] = []
         delivery = section.camera.faults.delivery
-        self._faults = [DeliveryFaults(delivery, child) for child in children[nsim:]]
+        self._faults = [DeliveryFaults(delivery, child) for child in children[1::3]]
         self._log: list[CameraRecord] | None = None
         self._period_s = period_s
-        self._travelling = LatencyQueue[Future[Frames]](section.latency_s, period_s)
-        self._arrived: Future[Frames] | None = None
+        way = section, period_s, children[2::3], told_latency_s
+        self._travelling = MeasurementQueue[Future[Frames]](*way)
+        self._arrived = np.full(nsim, -1)  # period in which the last frames were taken
+        self._command_latency_s = told_command_latency_s
         self._believed = believed
         self._joint_positions = joint_positions
         self._k = 0
@@ -104,7 +112,7 @@ class CameraSensor(Sensor):
         now = self._k * self._period_s
         if self._k == 0:
             self._start(truth)
-        arrived = self._exchange(self._expose(truth, now))
+        arrived = self._exchange(self._expose(truth, now), now)
         pairs = zip(self.trackers, arrived, strict=True)
         self.estimates = answers = [tracker.follow(frames, now) for tracker, frames in pairs]
         if self._log is not None:
@@ -126,7 +134,7 @@ class CameraSensor(Sensor):
         """Tell the trackers the wheel speeds (nsim, 2) that hold from now on for one period."""
         now = self._k * self._period_s
         for tracker, command in zip(self.trackers, wheel_speed_rad_s, strict=True):
-            tracker.commands.tell(now, command, self._period_s)
+            tracker.commands.tell(now + self._command_latency_s, command, self._period_s)
         self._k += 1
 
     def keep_log(self) -> None:
@@ -167,20 +175,31 @@ class CameraSensor(Sensor):
             for camera, faults, qpos, rate in shots
         ]
 
-    def _exchange(self, leaving: Future[Frames]) -> Frames:
-        """Put in what leaves the cameras, take out what arrives; the first arrives at once."""
-        due, _ = self._travelling.exchange(leaving)
-        if due is self._arrived:  # the first stands in for those that are still on their way
-            return [[] for _ in self.cameras]
-        self._arrived = due
-        return due.result()
+    def _exchange(self, leaving: Future[Frames], now: float) -> Frames:
+        """Put in what leaves the cameras, take out what arrives, with the stamps it is given."""
+        arrived = self._travelling.exchange(leaving)
+        late = self._travelling.stamp_error_s(arrived)
+        frames: Frames = [[] for _ in self.cameras]
+        for i in np.flatnonzero(arrived.sent > self._arrived).tolist():
+            due = self._travelling.item(int(arrived.sent[i])).result()
+            frames[i] = [_stamped(frame, float(late[i]), now) for frame in due[i]]
+        self._arrived = arrived.sent
+        return frames
 
 
-def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: Path) -> Calibration:
+def _stamped(frame: Frame, late_s: float, now: float) -> Frame:
+    """A frame whose stamp is late; a stamp of the future is taken for now."""
+    return replace(frame, time_s=min(frame.time_s + late_s, now)) if late_s else frame
+
+
+def find_calibration(
+    section: CameraSensing, believed: CameraOptions, rng: np.random.Generator, folder: Path
+) -> Calibration:
     """The named calibration file, or else a calibration of the simulated camera, made now.
 
     Args:
         section: the camera.
+        believed: the camera as it was then.
         rng: source of the noise in a calibration's pictures.
         folder: where the file is looked for.
 
@@ -189,6 +208,6 @@ def find_calibration(section: CameraSensing, rng: np.random.Generator, folder: P
         MachineError: no OpenGL.
     """
     if section.calibration_path is None:
-        return calibrate_virtual(section.camera, rng)
+        return calibrate_virtual(believed, rng)
     size = (section.camera.width_px, section.camera.height_px)
     return load_calibration(folder / section.calibration_path, size)

@@ -3,8 +3,8 @@
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, warn
+from ttwmr_mj.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from ttwmr_mj.runs import execute
@@ -14,15 +14,22 @@ class RunCommand(Overrides, NewFolder, name="run"):
     """Run a scenario and leave a run folder."""
 
     scenario: str = argument(SCENARIO)
+    require: str | None = option(
+        "exit with 1 unless the run gets this verdict, such as followed", metavar="VERDICT"
+    )
     save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
         from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.verdict import warnings
         from ttwmr_mj.scenario.file import find_scenario
 
+        self._check_requirement()
         wishes = ["output.save_frames=true"] if self.save_frames else []
         scenario = self.load(self.scenario, *wishes)
+        if not self.quiet:
+            warn(warnings(scenario))
         folder = self.open_folder(scenario.name, scenario.seed)
         with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
             done = run_scenario(
@@ -32,7 +39,8 @@ class RunCommand(Overrides, NewFolder, name="run"):
                 command_line=command_line(),
                 progress=progress,
             )
-        if done.outcome.status != "ok":
+        met = done.metrics["verdict"] == self.require
+        if done.outcome.status != "ok" and not met:
             if self.debug and done.outcome.cause:
                 raise done.outcome.cause
             raise RunError(
@@ -41,12 +49,27 @@ class RunCommand(Overrides, NewFolder, name="run"):
             )
         if not self.quiet:
             _print_run(done)
+        if self.require and not met:
+            from ttwmr_mj.runs.report import verdict_line
+
+            raise RunError(
+                f"{scenario.name} was required to be {self.require!r} and is not: "
+                f"{verdict_line(done.metrics)}"
+            )
         return 0
+
+    def _check_requirement(self) -> None:
+        from ttwmr_mj.results.verdict import VERDICTS
+
+        if self.require and self.require not in VERDICTS:
+            allowed = ", ".join(VERDICTS)
+            raise InputError.at("--require", got=repr(self.require), allowed=allowed)
 
 
 def _print_run(run: "execute.Run") -> None:
-    from ttwmr_mj.runs.report import results
+    from ttwmr_mj.runs.report import headline, results, verdict_line
 
+    print("\n".join(filter(None, [verdict_line(run.metrics), headline(run.metrics)])) + "\n")
     rows = results(run.metrics) | {"real-time factor": f"{run.metrics['real_time_factor']:.3g}"}
     for label, value in rows.items():
         print(f"{label:38s} {value}")

@@ -3,7 +3,7 @@
 import sys
 
 from ttwmr_mj.cli.engine import argument
-from ttwmr_mj.cli.shared import SCENARIO, Overrides
+from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.errors import InputError
 
 
@@ -13,10 +13,12 @@ class Validate(Overrides, name="validate"):
     scenarios: tuple[str, ...] = argument(SCENARIO)
 
     def __call__(self) -> int:
+        from ttwmr_mj.runs.verdict import warnings
+
         errors = []
         for scenario in self.scenarios:
             try:
-                self.load(scenario)
+                warn(warnings(self.load(scenario)))
             except InputError as error:
                 if self.debug:
                     raise

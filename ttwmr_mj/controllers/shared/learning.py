@@ -123,7 +123,8 @@ class Learner:
         com = velocity_behind(velocity, theta2, body[:, 4], self._robot.trailer.com_offset_m)
         factors = np.empty((len(body), INFLUENCES))
         factors[:, GRAVITY] = -n / k
-        factors[:, DRAG] = held_back(np.ones(len(body)), dot(com, t), dot(com, n)) / k
+        along, across, one = dot(com, t), dot(com, n), np.ones(len(body))
+        factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
         factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)
         factors[:, VISCOUS] = -hitch_rate
         return np.asarray(factors * self.places)

@@ -109,7 +109,10 @@ class Observer:
         model: SampledModel,
         options: ObserverOptions,
         learner: Learner | None = None,
+        ahead: int = 0,
     ) -> None:
+        """Set up; what is told is the state so many periods ahead, when the next command acts."""
+        self._ahead = ahead
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
@@ -122,7 +125,10 @@ class Observer:
         past = self._past
         if not past:
             past.append(self._first(estimate.state))
-        delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64)
+            for _ in range(self._ahead):  # until the first command, servos hold their speed
+                self.commanded(past[0].wheels)
+        # what is measured now precedes the state that the next command acts on
+        delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64) + self._ahead
         usable = estimate.valid & (delay < len(past))
         if usable.any():
             for back in range(int(delay[usable].max()), -1, -1):

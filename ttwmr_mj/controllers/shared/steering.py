@@ -57,7 +57,7 @@ class SteeringLaw(Law[OptionsT]):
             angle = options.observer.angle_std_rad, options.observer.rate_std_rad_s
             process = process_std(options.observer, T)
             learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
-        self._observer = Observer(self._robot, self._model, options.observer, learner)
+        self._observer = Observer(self._robot, self._model, options.observer, learner, task.ahead)
 
     def _signals(self, now: Observed) -> dict[str, FloatArray]:
         """What was learned, and how sure that is, for the log."""

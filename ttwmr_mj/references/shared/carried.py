@@ -73,7 +73,8 @@ def _aside(
     t, n = trailer_axes(theta2)
     velocity = flat[:, :, 1] + (robot.swing_length_m * rate)[..., None] * n
     com = velocity_behind(velocity, theta2, rate, robot.trailer.com_offset_m)
-    return np.asarray((held_back(drag, dot(com, t), dot(com, n)) + push)[..., None] * n)
+    held = held_back(drag, dot(com, t), dot(com, n), rate, robot)
+    return np.asarray((held + push)[..., None] * n)
 
 
 def _reference(path: ReferencePath, flat: FloatArray, motion: FlatMotion) -> ReferencePath:

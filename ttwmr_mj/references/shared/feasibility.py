@@ -41,6 +41,14 @@ FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
 # |F''| that the flatness-based law needs. The slowest circle of 0.6 m that it can be told to follow
 # takes 150 s; in a plan, F'' passes through zero.
 LEAST_ACCELERATION_M_S2 = 1e-3
+MOMENT_S = 0.1  # three control periods: what servos are late by in them, a law works off
+# what the robot needs to move so at all, whatever its trailer does; in words
+DRIVES = {
+    "wheel speed": "turns a wheel at {}",
+    "wheel acceleration": "accelerates a wheel by {}",
+    "wheel torque": "asks a wheel for {}",
+    "grip": "asks the tyres for {}",
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +67,17 @@ class Demand:
     def kept(self) -> bool:
         """Whether the bound holds everywhere."""
         return not self.spans_s
+
+    @property
+    def broken_for_s(self) -> float:
+        """How long the bound is exceeded, all stretches together."""
+        return sum(end - start for start, end in self.spans_s)
+
+    @property
+    def sentence(self) -> str:
+        """What the reference asks of the drive, against what there is."""
+        asked, limit = (f"{value:.3g} {self.unit}" for value in (self.worst, self.limit))
+        return f"the reference {DRIVES[self.name].format(asked)} (limit {limit})"
 
     def __str__(self) -> str:
         mark = "ok  " if self.kept else "FAIL" if self.binding else "note"
@@ -81,6 +100,12 @@ class Feasibility:
     def feasible(self) -> bool:
         """Whether every binding check is kept."""
         return all(check.kept for check in self.checks if check.binding)
+
+    @property
+    def undrivable(self) -> tuple[Demand, ...]:
+        """What is asked of servo and tyres beyond their limits for more than a moment."""
+        driven = (check for check in self.checks if check.name in DRIVES)
+        return tuple(check for check in driven if check.broken_for_s > MOMENT_S)
 
     def __getitem__(self, name: str) -> Demand:
         """A check by its name."""

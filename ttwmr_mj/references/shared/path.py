@@ -32,6 +32,18 @@ class ReferencePath:
     theta_acceleration: FloatArray
     flat_derivatives: FloatArray | None = None
 
+    def until(self, count: int) -> "ReferencePath":
+        """The first samples, as views."""
+        flat = self.flat_derivatives
+        return ReferencePath(
+            time_s=self.time_s[:count],
+            derivatives=self.derivatives[:count],
+            theta=self.theta[:count],
+            theta_rate=self.theta_rate[:count],
+            theta_acceleration=self.theta_acceleration[:count],
+            flat_derivatives=None if flat is None else flat[:count],
+        )
+
     @property
     def position_m(self) -> FloatArray:
         """(n, batch, 2) position of P."""

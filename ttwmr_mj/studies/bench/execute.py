@@ -70,16 +70,17 @@ def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> 
 
 
 def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
-    """row.json of a run that is over: as its metrics say, failed if it was broken off."""
+    """row.json of a run that is over: as its metrics say, failed if it was killed."""
     into = row_folder(row, folder)
     into.mkdir(parents=True, exist_ok=True)
-    status = "failed"
+    status = verdict = "failed"
     if not reason:
         metrics = json.loads((into / "metrics.json").read_text(encoding="utf-8"))
-        status = metrics["status"]
+        status, verdict = metrics["status"], metrics["verdict"]
         if status != "ok":
             reason = f"{status} at {metrics['end_time_s']:.3f} s: {metrics['reason']}"
-    write_json(into / "row.json", {**_identity(row), "status": status, "reason": reason})
+    ended = {"status": status, "reason": reason, "verdict": verdict}
+    write_json(into / "row.json", {**_identity(row), **ended})
 
 
 def _rename_row(row: SuiteRow, folder: Path) -> None:

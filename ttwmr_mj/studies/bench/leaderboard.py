@@ -6,25 +6,24 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_parquet, write_text
-from ttwmr_mj.studies.bench.scoring import COLUMNS, LOST_CENTRE_M, LOST_P_M, RANKED_BY, Board, Line
+from ttwmr_mj.studies.bench.scoring import COLUMNS, RANKED_BY, Board, Line
 from ttwmr_mj.studies.bench.suite import AXES
 
-HEAD = ["controller", *COLUMNS, "failures"]
+HEAD = ["controller", *COLUMNS, "failures", "verdict"]
 RULES = (
     "Errors are rms over the second half of a run; the median over seeds, or the largest in "
     "columns named “worst”.",
     "“trailer” is the trailer's centre of mass; “settled” is the time after which P stays within "
     "10 mm, “–” if it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if it ended early or was lost. Lost: it finished, but at some time in its "
-    f"last fifth the trailer's centre of oscillation was more than {LOST_CENTRE_M:g} m off, or P "
-    f"more than {LOST_P_M:g} m where the reference has no trailer. Failures count both.",
+    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it ended early, or it "
+    "finished and was lost. Failures count both.",
     "Errors cover all runs that finished, lost ones included.",
     "Ranked by failures, then by the trailer's error.",
     "Control time is wall time per sample, measured with several runs at once.",
 )
 OVERVIEW = (
-    "Trailer rms, mm, median over seeds: the best of each row in bold, “lost” and “failed” as "
-    "defined above, empty if not in the suite. Controllers with fewer failures first."
+    "Trailer rms, mm, median over seeds: the best of each row in bold, the verdict where all runs "
+    "failed, empty what is not in the suite. Controllers with fewer failures first."
 )
 
 
@@ -38,7 +37,7 @@ def write_leaderboard(board: Board, folder: Path, title: str) -> None:
     write_text(folder / "leaderboard.html", to_html(board, title))
     columns: dict[str, list[Any]] = {axis: [line.names[axis] for line in lines] for axis in AXES}
     columns |= {name: [line.values[name] for line in lines] for name in COLUMNS}
-    for name in ("runs", "failures", "lost", "reason", "command", "manifest"):
+    for name in ("runs", "failures", "lost", "verdict", "reason", "command", "manifest"):
         columns[name] = [getattr(line, name) for line in lines]
     write_parquet(pa.table(columns), folder / "leaderboard.parquet")
 
@@ -64,7 +63,7 @@ def _sections(lines: list[Line]) -> dict[tuple[str, str], list[Line]]:
 
 def _cells(line: Line) -> list[str]:
     numbers = map(_number, line.values.values())
-    return [line.names["controller"], *numbers, f"{line.failures}/{line.runs}"]
+    return [line.names["controller"], *numbers, f"{line.failures}/{line.runs}", line.verdict]
 
 
 def _number(value: float | None) -> str:
@@ -106,7 +105,7 @@ def _summary(line: Line | None, members: list[Line]) -> str:
         return ""
     value = line.values[RANKED_BY]
     if line.failures == line.runs or value is None:
-        return "lost" if line.lost else "failed"
+        return line.verdict
     number = _number(value)
     if line.failures:
         return f"{number} ({line.failures} of {line.runs} failed)"

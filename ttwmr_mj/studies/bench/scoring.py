@@ -4,19 +4,19 @@ import json
 import math
 import statistics
 from collections import Counter, defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.results.curves import centre_of_oscillation
+from ttwmr_mj.results.accept import VerdictName
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import VERDICTS, Verdict
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.judged import judged
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.suite import AXES, Suite, rows_of
 
@@ -34,12 +34,7 @@ COLUMNS: dict[str, tuple[str, float, str]] = {
 }
 RANKED_BY = "trailer rms, mm"
 SETTLING = "settling_time_s"
-# A run that comes to its end is lost if its largest error in the last share of it is beyond these:
-# two thirds of the trailer's length, and the size of the references.
-LAST_SHARE = 0.2
-LAST_CENTRE, LAST_P = "last_centre_of_oscillation_max_error_m", "last_tractor_max_error_m"
-LOST_CENTRE_M = 0.1  # of the trailer's centre of oscillation, where the reference has one
-LOST_P_M = 0.5  # of P, where it has none
+SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,8 +45,9 @@ class Line:
         names: axis → name.
         values: column → number; None where undefined.
         runs: how many there were.
-        failures: how many of them ended early or were lost.
-        lost: how many of them were lost.
+        failures: how many of them did not follow.
+        lost: how many of those came to their end.
+        verdicts: name → how many got it.
         reason: of the first failure.
         command: runs its first seed again.
         manifest: of its first seed, relative to the leaderboard; None if that never started.
@@ -62,9 +58,18 @@ class Line:
     runs: int
     failures: int
     lost: int
+    verdicts: Counter[VerdictName]
     reason: str
     command: str
     manifest: str | None
+
+    @property
+    def verdict(self) -> str:
+        """In words; with counts where runs differ."""
+        counted = [(VERDICTS[name][0], count) for name, count in self.verdicts.most_common()]
+        if len(counted) == 1:
+            return counted[0][0]
+        return "; ".join(f"{count} {words}" for words, count in counted)
 
 
 @dataclass(frozen=True, slots=True)
@@ -116,55 +121,39 @@ def _maker(folder: Path) -> str:
 
 
 def _scored(stored: dict[str, Any], run: Path, folder: Path) -> dict[str, Any]:
-    """row.json with the row's numbers, and with a run that was lost called so."""
-    numbers = _numbers(run) if stored["status"] == "ok" else {}
+    """row.json with the row's numbers and its verdict."""
+    numbers: Metrics = {}
+    name, reason = stored["status"], stored["reason"]
+    if name == "ok":
+        numbers, verdict = _judged(run)
+        name = verdict.name
+        reason = "" if name in SUCCESSES else str(verdict)
     manifest = run / "manifest.json"
     there = str(manifest.relative_to(folder)) if manifest.is_file() else None
-    found = {**stored, "numbers": numbers, "manifest": there}
-    lost = lost_reason(numbers)
-    return found | {"status": "lost", "reason": lost} if lost else found
+    return {**stored, "numbers": numbers, "manifest": there, "verdict": name, "reason": reason}
 
 
-def lost_reason(numbers: Metrics) -> str:
-    """Why a run that finished counts as lost; empty if it does not."""
-    centre, tractor = numbers.get(LAST_CENTRE), numbers.get(LAST_P)
-    if centre is not None:
-        where, error, limit = "the trailer's centre of oscillation", centre, LOST_CENTRE_M
-    else:
-        where, error, limit = "P", tractor or 0.0, LOST_P_M
-    return f"lost: error of {where} at the end {error:.2g} m > {limit:g} m" if error > limit else ""
-
-
-def _numbers(folder: Path) -> Metrics:
-    """The metrics of a run, scored afresh; the control time is as it was measured."""
-    robot = load_scenario(str(folder / "scenario.resolved.toml")).robot
+def _judged(folder: Path) -> tuple[Metrics, Verdict]:
+    """Metrics and verdict of a run, made afresh; the control time is as it was measured."""
+    scenario = load_scenario(str(folder / "scenario.resolved.toml"))
     trajectory = Trajectory.read(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
-    return {
-        **score(trajectory, robot)[0],
-        LAST_CENTRE: _last_error(trajectory, lambda q: centre_of_oscillation(q, robot)),
-        LAST_P: _last_error(trajectory, lambda q: q[..., :2]),
-        "control_time_per_sample_us": stored["control_time_per_sample_us"],
-    }
-
-
-def _last_error(trajectory: Trajectory, point: Callable[[FloatArray], FloatArray]) -> float | None:
-    """Largest error of a point of q in the last share of a run [m]; None if undefined."""
-    rows = slice(int((1.0 - LAST_SHARE) * len(trajectory)), None)
-    miss = point(trajectory.q[rows, 0]) - point(trajectory.ref_q[rows, 0])
-    largest = float(np.hypot(miss[:, 0], miss[:, 1]).max())
-    return largest if math.isfinite(largest) else None
+    key = "control_time_per_sample_us"
+    numbers = {**score(judged(trajectory, scenario), scenario.robot)[0], key: stored[key]}
+    demands = demands_of(scenario, sample_reference(scenario))
+    return numbers, verdict_on(scenario, trajectory, demands)
 
 
 def _line(names: tuple[str, ...], rows: list[dict[str, Any]]) -> Line:
-    bad = [row for row in rows if row["status"] != "ok"]
+    bad = [row for row in rows if row["verdict"] not in SUCCESSES]
     good = [row["numbers"] for row in rows if row["numbers"]]
     return Line(
         names=dict(zip(AXES, names, strict=True)),
         values={column: _combined(good, *how) for column, how in COLUMNS.items()},
         runs=len(rows),
         failures=len(bad),
-        lost=sum(row["status"] == "lost" for row in bad),
+        lost=sum(row["status"] == "ok" for row in bad),
+        verdicts=Counter(row["verdict"] for row in rows),
         reason=bad[0]["reason"].splitlines()[-1] if bad and bad[0]["reason"] else "",
         command=rows[0]["run"],
         manifest=rows[0]["manifest"],

@@ -1,6 +1,6 @@
 """The two runs of a comparison, and scenarios that do not mean the same on both plants."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
 
@@ -9,11 +9,15 @@ import numpy as np
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.mjcf import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import Verdict
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import physics_step_faults
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
 from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.variants import on_plant
 
 Mode = Literal["open_loop", "closed_loop"]
 
@@ -31,6 +35,20 @@ class Pair:
     def numbers(self) -> Numbers:
         """All numbers a tolerance may be given for."""
         return {**self.deviation.numbers(), **self.residuals.numbers()}
+
+    @property
+    def verdicts(self) -> dict[str, Verdict]:
+        """Plant → whether its run did the scenario's job."""
+        scenario, reference = self.contact.scenario, sample_reference(self.contact.scenario)
+        runs: dict[Literal["contact", "analytic"], Trajectory] = {
+            "contact": self.contact.trajectory,
+            # a replay of commands knows no reference
+            "analytic": replace(self.analytic, ref_q=self.contact.trajectory.ref_q),
+        }
+        return {
+            kind: verdict_on(scenario, rows, demands_of(on_plant(scenario, kind), reference))
+            for kind, rows in runs.items()
+        }
 
 
 def run_pair(

@@ -131,6 +131,7 @@ def _report(
         "seed": scenario.seed,
         "mode": options.mode,
         "analytic_driven_by": _driver(options),
+        "verdicts": {kind: str(verdict) for kind, verdict in pair.verdicts.items()},
         **pair.deviation.numbers(),
         "first_exceeded": pair.deviation.times(),
         **pair.residuals.numbers(),

@@ -30,7 +30,7 @@ HEAD = ("", "alone", "interaction", "contribution", "share")
 
 def plain(report: dict[str, Any]) -> str:
     """The report for a terminal."""
-    lines = _aligned(_summary(report))
+    lines = [*_verdicts(report), "", *_aligned(_summary(report))]
     for symbol, rows, note in _explained(report):
         lines += ["", f"where the deviation of {symbol} comes from"]
         lines += ["  {:34s} {:>9s} {:>12s} {:>15s} {:>9s}".format(*row) for row in (HEAD, *rows)]
@@ -60,6 +60,8 @@ def markdown(report: dict[str, Any]) -> str:
         "",
         f"Analytic model (translucent) driven by: {report['analytic_driven_by']}.",
         "",
+        *(f"- {line}" for line in _verdicts(report)),
+        "",
         *_table(("", ""), _summary(report)),
     ]
     for symbol, rows, note in _explained(report):
@@ -71,6 +73,10 @@ def markdown(report: dict[str, Any]) -> str:
 def percent(share: float | None) -> str:
     """A share as text, never as "-0.0 %"; empty where it is undefined."""
     return "" if share is None else f"{round(100 * share, 1) + 0.0:.1f} %"
+
+
+def _verdicts(report: dict[str, Any]) -> list[str]:
+    return [f"{kind}: {verdict}" for kind, verdict in report["verdicts"].items()]
 
 
 def _summary(report: dict[str, Any]) -> list[tuple[str, str]]:

@@ -11,6 +11,7 @@ from typing import Any
 
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
+from ttwmr_mj.runs.report import verdict_line
 from ttwmr_mj.studies.reproduce.claims import friction
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 from ttwmr_mj.studies.reproduce.errata import ERRATA
@@ -110,5 +111,5 @@ def _errata(evidence: Evidence) -> list[dict[str, Any]]:
 
 
 def _run(evidence: Evidence, name: str) -> dict[str, str]:
-    status = "not run" if name in evidence.failures else evidence.metrics(name)["status"]
+    status = "not run" if name in evidence.failures else verdict_line(evidence.metrics(name))
     return {"name": name, "command": shlex.join(RUNS[name].command()), "status": status}

@@ -5,13 +5,14 @@ first pixel is (0, 0); distortion is Brown-Conrady (k1, k2, p1, p2, k3).
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import mujoco
 import numpy as np
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.options import CameraOptions
+from ttwmr_mj.vision.camera.options import MOVES, CameraOptions
 
 # OpenCV stops after five steps unless told
 UNTIL_CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-13)
@@ -78,7 +79,7 @@ class CameraModel:
 def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     """The camera of a scene as it really is, with this lens.
 
-    It is moved to the height that the options ask for, if they do.
+    It is moved and turned as the options ask; its parent is taken to be the world.
 
     Raises:
         KeyError: the scene has no camera of that name.
@@ -86,6 +87,8 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     camera = model.camera(options.name)
     if options.height_m is not None:
         camera.pos[2] = options.height_m
+    if any(getattr(options, name) for name in MOVES):
+        _move(camera, options)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     axes = data.cam_xmat[camera.id].reshape(3, 3)
@@ -100,6 +103,17 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
         rotation=np.diag([1.0, -1.0, -1.0]) @ axes.T,
         position_m=np.array(data.cam_xpos[camera.id]),
     )
+
+
+def _move(camera: Any, options: CameraOptions) -> None:
+    """Move a camera of a scene aside, and turn it by roll, pitch and yaw about fixed axes."""
+    camera.pos[:2] += [options.x_m, options.y_m]
+    angles = options.roll_rad, options.pitch_rad, options.yaw_rad
+    for axis, angle in zip(_UNIT, angles, strict=True):
+        turn, turned = np.empty(4), np.empty(4)
+        mujoco.mju_axisAngle2Quat(turn, axis, angle)
+        mujoco.mju_mulQuat(turned, turn, np.array(camera.quat))
+        camera.quat[:] = turned
 
 
 def distort(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:

@@ -5,6 +5,7 @@ Light is a share of the sensor's full scale, so 0.02 of noise is 2 %, or 5 of 25
 
 from typing import Annotated, Literal, TypeVar
 
+import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.robot import Config
@@ -19,6 +20,10 @@ Tangential = Annotated[float, Field(ge=-0.1, le=0.1)]
 END_S = 3600.0  # an hour: longer than any run
 Moment = Annotated[float, Field(ge=0, le=END_S)]
 Side = Annotated[int, Field(ge=64, le=4096)]
+Move = Annotated[float, Field(ge=-1, le=1)]
+Tilt = Annotated[float, Field(ge=-0.5, le=0.5)]
+Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]
+MOVES = ("x_m", "y_m", "roll_rad", "pitch_rad", "yaw_rad")  # how a camera is moved
 LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
 
 
@@ -47,7 +52,7 @@ class Lens(Config):
 
 
 class Exposure(Config):
-    """How long the shutter is open; a frame's time is the middle of its exposure."""
+    """How long the shutter is open; a frame's time is the middle of its middle row's exposure."""
 
     exposure_s: float = Field(
         default=0.0,
@@ -62,6 +67,17 @@ class Exposure(Config):
         description="motion blur is averaged over instants; largest motion between two of "
         "them; typically 0.4 to 0.8",
     )
+    rolling_shutter_s: float = Field(
+        default=0.0,
+        ge=0,
+        le=1,
+        description="time between the exposures of the first and the last row; typically 0.015",
+    )
+
+    @property
+    def middle_age_s(self) -> float:
+        """Age of a frame's middle, the picture's middle row half exposed, as its shutter closes."""
+        return 0.5 * (self.exposure_s + self.rolling_shutter_s)
 
 
 class Noise(Config):
@@ -195,6 +211,17 @@ class CameraOptions(Config):
     height_m: float | None = Field(
         default=None, gt=0.2, le=20, description="height above the floor; default: the scene's, 1.9"
     )
+    x_m: Move = Field(default=0.0, description="displacement along the world's x; typically 0.005")
+    y_m: Move = Field(default=0.0, description="displacement along the world's y; typically 0.005")
+    roll_rad: Tilt = Field(
+        default=0.0, description="rotation about the world's x, applied first; typically 0.005"
+    )
+    pitch_rad: Tilt = Field(
+        default=0.0, description="rotation about the world's y, applied second; typically 0.005"
+    )
+    yaw_rad: Angle = Field(
+        default=0.0, description="rotation about the vertical, applied third; typically 0.005"
+    )
     width_px: Side = Field(default=640, description="image width; typically 640")
     height_px: Side = Field(default=480, description="image height; typically 480")
     supersampling: Literal[1, 2, 3, 4, 5] = Field(
@@ -206,6 +233,11 @@ class CameraOptions(Config):
     exposure: Exposure = Exposure()
     noise: Noise = Noise()
     faults: Faults = Faults()
+
+    @property
+    def unmoved(self) -> "CameraOptions":
+        """This camera where the scene hangs it, at the same height."""
+        return self.model_copy(update=dict.fromkeys(MOVES, 0.0))
 
 
 # two by two rendered pixels are enough behind its blur: P's rms error is 0.050 mm, not 0.043 mm

@@ -1,6 +1,7 @@
 """The simulated camera: a robot's posture becomes a frame with its truth."""
 
 from copy import copy
+from itertools import pairwise
 
 import mujoco
 import numpy as np
@@ -22,6 +23,7 @@ from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
 from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
 from ttwmr_mj.vision.camera.posture import Posture
+from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
 
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
@@ -108,9 +110,9 @@ class VirtualCamera:
         Returns:
             The frame, its time in the middle of the exposure.
         """
-        half_s = 0.5 * self._options.exposure.exposure_s
-        moment = time_s - half_s
-        q = self.posture.coordinates(self.posture.moved(qpos, q_rate, -half_s))
+        age_s = self._options.exposure.middle_age_s
+        moment = time_s - age_s
+        q = self.posture.coordinates(self.posture.moved(qpos, q_rate, -age_s))
         labels_m = self.layout.centres_m(q)
         centres_px = self.true.project(labels_m)
         light, classes = self._light(qpos, q_rate)
@@ -128,12 +130,23 @@ class VirtualCamera:
         """What falls on the sensor, and the classes seen, at the middle of the exposure."""
         light = self._background.copy()
         classes = self._background_classes.copy() if self._segmentation else None
-        instants = self._instants(qpos, q_rate)
-        ends = instants[:: max(len(instants) - 1, 1)]  # one is its own end
+        speed = self._speed_px(q_rate)
+        ages = self._ages(0.0, speed)
+        oldest = self._options.exposure.rolling_shutter_s + ages[-1]
+        ends = [self._past(qpos, q_rate, age) for age in {ages[0], oldest}]
         region = self._renderer.robot_region(ends, self._options.supersampling)
         window = self._lens.footprint(region)
         if min(window.shape) <= 0:
             return light, classes
+        for band, late_s in self._bands(window, speed):
+            instants = [self._past(qpos, q_rate, age) for age in self._ages(late_s, speed)]
+            self._draw(instants, band, light, classes)
+        return light, classes
+
+    def _draw(
+        self, instants: list[FloatArray], window: Region, light: Image, classes: Image | None
+    ) -> None:
+        """Draw the mean of the robot's instants (nq,) into a window of the sensor, in place."""
         seen = window.within(self._lens.sensor)
         source = self._lens.source(window)
         floor = self._floor[source.within(self._lens.whole)]
@@ -147,20 +160,49 @@ class VirtualCamera:
             fine = self._classes[ids]  # −1, beside the robot, finds the last entry: background
             robot = self._lens.nearest(fine, source, window)
             np.copyto(classes[seen], robot, where=robot > 0)
-        return light, classes
 
-    def _instants(self, qpos: FloatArray, q_rate: FloatArray) -> list[FloatArray]:
-        """Generalized positions to average over the exposure, the latest first."""
-        exposure = self._options.exposure
-        if not exposure.exposure_s:
-            return [np.asarray(qpos)]
+    def _past(self, qpos: FloatArray, q_rate: FloatArray, age_s: float) -> FloatArray:
+        """(nq,) generalized positions so long ago, the rates taken as constant since."""
+        return self.posture.moved(qpos, q_rate, -age_s) if age_s else np.asarray(qpos)
+
+    def _speed_px(self, q_rate: FloatArray) -> float:
+        """How many pixels a second no label is faster than."""
         reach = np.abs(self.layout.offset_m).max()
         speed = np.hypot(q_rate[0], q_rate[1]) + reach * np.abs(q_rate[2:]).max()
         height = float(self.layout.height_m.max())
-        travel_px = exposure.exposure_s * speed / self.true.metres_per_pixel(height)
-        count = int(np.clip(np.ceil(travel_px / exposure.blur_step_px), 1, MAX_INSTANTS))
-        ages = exposure.exposure_s * (np.arange(count) + 0.5) / count
-        return [self.posture.moved(qpos, q_rate, -age) for age in ages]
+        return float(speed / self.true.metres_per_pixel(height))
+
+    def _bands(self, window: Region, speed_px: float) -> list[tuple[Region, float]]:
+        """A window in bands of rows, each with how long after its middle the shutter closes.
+
+        The shutter of a band closes with that of its middle row; the last row's closes now.
+        """
+        exposure, rows = self._options.exposure, window.shape[0]
+        per_row = exposure.rolling_shutter_s / max(self._options.height_px - 1, 1)
+        travel_px = per_row * rows * speed_px
+        count = min(self._count(travel_px), rows)
+        edges = [window.top + rows * i // count for i in range(count + 1)]
+        last = self._options.height_px - 1
+        return [
+            (
+                Region(window.left, top, window.right, bottom),
+                per_row * (last - 0.5 * (top + bottom - 1)),
+            )
+            for top, bottom in pairwise(edges)
+        ]
+
+    def _ages(self, closed_s: float, speed_px: float) -> FloatArray:
+        """Ages, rising, of the instants to average in rows whose shutter closed so long ago."""
+        exposure_s = self._options.exposure.exposure_s
+        if not exposure_s:
+            return np.array([closed_s])
+        count = self._count(exposure_s * speed_px)
+        return closed_s + exposure_s * (np.arange(count) + 0.5) / count
+
+    def _count(self, travel_px: float) -> int:
+        """How many instants stand for so much motion."""
+        step_px = self._options.exposure.blur_step_px
+        return int(np.clip(np.ceil(travel_px / step_px), 1, MAX_INSTANTS))
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(4,) share of each label's area inside the picture and not hidden."""

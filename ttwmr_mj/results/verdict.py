@@ -1,0 +1,206 @@
+"""Did a run do its job? One set of rules for every command that judges a run.
+
+Judged are P, the trailer's COM and θ2, wherever the reference defines them; a reference without θ2
+says nothing of the trailer, and P alone is judged. Each has two limits, those of `AcceptOptions`:
+
+- At the end, the last END_SHARE of the time, it stays within the `end_*` limit.
+- Before, it stays within the `transient_*` limit. An offset of the start is given time to be worked
+  off: what is allowed falls evenly from GROWTH times the error at the start to that limit, which it
+  reaches after `settling_share` of the time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from ttwmr_mj.references.shared.feasibility import Feasibility
+from ttwmr_mj.results.accept import END_SHARE, GROWTH, AcceptOptions, VerdictName
+from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+# name → in words, and when a run gets it; of several the first
+VERDICTS: dict[VerdictName, tuple[str, str]] = {
+    "interrupted": ("interrupted", "it was stopped by the user"),
+    "failed": ("failed", "physics or the controller broke, or the controller took too long"),
+    "diverged": ("diverged", "the state left all bounds"),
+    "no_reference": ("no reference", "there was nothing to follow"),
+    "blind": ("blind", "the sensor was blind for more than `blind_share` of the samples"),
+    "reference_not_feasible": (
+        "reference not feasible",
+        "a limit below was exceeded, and the reference asks more of servo or tyres than they have",
+    ),
+    "saturated_throughout": (
+        "saturated throughout",
+        "commands were cut to the servo's range at more than `saturated_share` of the samples",
+    ),
+    "lost": ("lost", "P exceeded a limit"),
+    "tractor_follows_trailer_lost": (
+        "tractor follows, trailer lost",
+        "P kept its limits; the trailer's COM or θ2 exceeded one",
+    ),
+    "followed": ("followed", "all limits were kept"),
+}
+MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
+FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
+MISSING_TRAILER = "the reference says nothing of the trailer"
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What a run is found to be.
+
+    Attributes:
+        name: one of VERDICTS.
+        number: what decided, or came nearest to deciding; None where no number did.
+        limit: its limit, in the same unit.
+        what: number and limit in words; never empty.
+    """
+
+    name: VerdictName
+    number: float | None
+    limit: float | None
+    what: str
+
+    @property
+    def words(self) -> str:
+        """The name as people say it."""
+        return VERDICTS[self.name][0]
+
+    def __str__(self) -> str:
+        return f"{self.words}: {self.what}"
+
+
+class Error(NamedTuple):
+    """The error of one measure, at the end or before, where it is largest for what is allowed."""
+
+    measure: str
+    number: float
+    limit: float
+    time_s: float | None  # None: at the end
+
+    @property
+    def share(self) -> float:
+        """Of what is allowed."""
+        return self.number / self.limit
+
+    def __str__(self) -> str:
+        when = "at the end" if self.time_s is None else f"at {self.time_s:.3g} s"
+        unit = self.measure.rpartition("_")[2]
+        number, limit = (_amount(value, unit) for value in (self.number, self.limit))
+        return f"{MEASURES[self.measure]} {number} off {when} (limit {limit})"
+
+
+def judge(
+    trajectory: Trajectory,
+    robot: RobotParameters,
+    *,
+    status: str = "ok",
+    reason: str = "",
+    accept: AcceptOptions | None = None,
+    demands: Feasibility | None = None,
+) -> Verdict:
+    """The verdict on one simulation.
+
+    Args:
+        trajectory: of that simulation, with every row finite if its status is ok.
+        robot: that was driven.
+        status: how it ended, as `runs.loop.Outcome` has it.
+        reason: why, if it broke off.
+        accept: the limits; None: the defaults.
+        demands: what the reference asks of that robot; None: not looked at.
+    """
+    if status != "ok":
+        name = next(known for known in VERDICTS if known == status)
+        return Verdict(name, None, None, reason)
+    accept = accept or AcceptOptions()
+    rows = trajectory.simulation()
+    errors = list(_errors(rows, robot, accept))
+    if not errors:
+        return Verdict("no_reference", None, None, "there was nothing to follow")
+    if (blind := float(1.0 - rows.est_valid.mean())) > accept.blind_share:
+        return _share("blind", blind, accept.blind_share, "the sensor was blind at")
+    broken = [error for error in errors if error.share > 1.0]
+    if broken and demands and (asked := demands.undrivable):
+        worst = _gravest(broken)
+        what = f"{asked[0].sentence}; {worst}"
+        return Verdict("reference_not_feasible", asked[0].worst, asked[0].limit, what)
+    if (cut := float(rows.saturated.mean())) > accept.saturated_share:
+        return _share("saturated_throughout", cut, accept.saturated_share, "commands were cut at")
+    return _verdict_of(errors, broken, demands)
+
+
+def _verdict_of(errors: list[Error], broken: list[Error], demands: Feasibility | None) -> Verdict:
+    """Followed, lost, or the trailer alone lost."""
+    tractor = [error for error in broken if error.measure == "tractor_m"]
+    if tractor:
+        worst = _gravest(tractor)
+        return Verdict("lost", worst.number, worst.limit, str(worst))
+    if broken:
+        worst = _gravest(broken)
+        what = f"{worst}{_not_free(demands)}"
+        return Verdict("tractor_follows_trailer_lost", worst.number, worst.limit, what)
+    nearest = max((e for e in errors if e.time_s is None), key=lambda error: error.share)
+    judged = {error.measure for error in errors}
+    what = f"at most {nearest}" if len(judged) > 1 else f"at most {nearest}; {MISSING_TRAILER}"
+    return Verdict("followed", nearest.number, nearest.limit, what)
+
+
+def _not_free(demands: Feasibility | None) -> str:
+    """What the reference asks of the hitch beyond what it gives; empty if nothing."""
+    for check in demands.checks if demands else ():
+        if check.name == FREE_TRAILER and not check.kept:
+            return f"; the reference asks the hitch for {check.worst:.2g} N·m that it does not have"
+    return ""
+
+
+def _gravest(broken: list[Error]) -> Error:
+    """What is wrong at the end before what was wrong for a while; then the largest share."""
+    return max(broken, key=lambda error: (error.time_s is None, error.share))
+
+
+def _share(name: VerdictName, number: float, limit: float, what: str) -> Verdict:
+    text = f"{what} {100 * number:.3g} % of the samples (limit {100 * limit:.3g} %)"
+    return Verdict(name, number, limit, text)
+
+
+def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> Iterator[Error]:
+    """Of each measure that the reference defines: before the end, and at the end."""
+    curves = Curves.of(rows, robot)
+    values = {
+        "tractor_m": curves.tractor_error_m,
+        "trailer_m": curves.trailer_error_m,
+        "theta2_rad": np.abs(curves.theta_error_rad[..., 1]),
+    }
+    time_s = rows.time_s
+    end = int(np.argmax(time_s >= (1.0 - END_SHARE) * time_s[-1]))
+    for measure, batch in values.items():
+        error = batch[:, 0]
+        if not np.isfinite(error).any():
+            continue
+        lasting = getattr(accept, f"transient_{measure}")
+        allowed = _allowed(error, time_s, lasting, accept.settling_share)
+        share = np.nan_to_num(error / allowed)
+        k = int(share.argmax())
+        yield Error(measure, float(np.nan_to_num(error)[k]), float(allowed[k]), float(time_s[k]))
+        last = float(np.nan_to_num(error[end:]).max())
+        yield Error(measure, last, getattr(accept, f"end_{measure}"), None)
+
+
+def _allowed(
+    error: FloatArray, time_s: FloatArray, lasting: float, settling_share: float
+) -> FloatArray:
+    """(n,) what an error (n,) may be: its start, worked off evenly, then the lasting limit."""
+    start = GROWTH * error[np.isfinite(error)][0]
+    left = 1.0 - time_s / max(settling_share * time_s[-1], np.finfo(float).tiny)
+    return np.asarray(lasting + max(start - lasting, 0.0) * np.maximum(left, 0.0))
+
+
+def _amount(value: float, unit: str) -> str:
+    """Three digits and the unit; lengths below a metre in mm."""
+    return f"{1e3 * value:.3g} mm" if unit == "m" and value < 1.0 else f"{value:.3g} {unit}"
