@@ -157,6 +157,12 @@ class Hitch(Config):
         le=1e4,
         description="c_t: coefficient of damper and viscous friction; typically 0.001",
     )
+    play_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.1,
+        description="radial clearance of the pin in its hole (contact plant only); typically 2e-4",
+    )
     coulomb_friction_n_m: float = Field(
         default=0.0,
         ge=0,

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
@@ -60,6 +61,7 @@ class ContactPlant:
         self.model = build_model(robot, options, ground)
         self._joints = Joints(self.model)
         self._robot = robot
+        self._regions, self._elsewhere = ground.regions, options.floor_friction
         self._settled_qpos = self._settle()
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -69,6 +71,8 @@ class ContactPlant:
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
         self._balls = [int(self.model.body(name).id) for name in CASTERS]
+        self._touching = [int(self.model.body(name).id) for name in CONTACTS]
+        self._touching_geoms = [int(self.model.geom(name).id) for name in CONTACTS]
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
         self._contact_columns = _contact_columns(self.model)
@@ -112,6 +116,8 @@ class ContactPlant:
         self._passed.clear()
         self._control[:] = self._setpoint  # a command of zero would brake, in the first readings
         self._batch.forward()
+        if self._regions:
+            self._feel_floor()
         self._roll_balls()
 
     def _roll_balls(self) -> None:
@@ -152,11 +158,19 @@ class ContactPlant:
         """Let the servos ramp to the command and hold it, for a number of physics steps."""
         if self._time.size != steps:
             self._time = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
+        if self._regions:
+            self._feel_floor()
         control = ramp(self._setpoint, wheel_command_rad_s, self._robot.servo, self._time)
         passed = self._batch.rollout(steps, control, record=self._record)
         if passed:
             self._passed.append((passed["qpos"], passed["qvel"], control))
         self._setpoint = control[:, -1]
+
+    def _feel_floor(self) -> None:
+        """Give wheels and balls the friction of where they are now, until this is called again."""
+        places = self._body_position[:, self._touching, :2]
+        friction = friction_at(self._regions, places, self._elsewhere)
+        self._batch.expand("geom_friction")[:, self._touching_geoms, 0] = friction
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push the halves' chassis at their centres of mass.

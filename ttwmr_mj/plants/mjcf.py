@@ -50,6 +50,8 @@ def build_spec(
         _set_joints(spec, robot)
         _set_contact(spec, options, ground)
         _hold_back(spec, robot, options, ground)
+        if robot.hitch.play_m > 0:
+            _loosen_pin(spec, robot.hitch.play_m, options.contact_time_constant_s)
     except AttributeError as error:
         raise InputError.at(
             "plant.contact.model_path",
@@ -66,9 +68,12 @@ def build_model(
     """The compiled laboratory with this robot in it; errors as `build_spec`."""
     spec = build_spec(robot, options, ground)
     try:
-        return spec.compile()
+        model = spec.compile()
     except ValueError as error:
         raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
+    if robot.hitch.play_m > 0:
+        model.key_qpos[:] = model.qpos0  # the keyframes know nothing of the pin's two joints
+    return model
 
 
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
@@ -162,3 +167,18 @@ def _hold_back(
     for name, force in zip(CASTERS, held_back(robot, lever, weight), strict=True):
         if force > 0:
             add_runner(spec, name, float(force), options.contact_time_constant_s)
+
+
+def _loosen_pin(spec: mujoco.MjSpec, play_m: float, time_constant_s: float) -> None:
+    """Let the trailer's pin move in its hole, as far from P as a slack string would."""
+    trailer = spec.body("trailer")
+    for name, axis in (("play_x", [1.0, 0.0, 0.0]), ("play_y", [0.0, 1.0, 0.0])):
+        trailer.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    trailer.add_site(name="pin")
+    # a lower limit of zero length would pull, in no direction
+    limits = [-1.0, play_m]
+    string = spec.add_tendon(
+        name="play", limited=True, range=limits, solref_limit=[time_constant_s, 1.0]
+    )
+    string.wrap_site("P")
+    string.wrap_site("pin")
