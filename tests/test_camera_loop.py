@@ -109,7 +109,7 @@ def test_frames_are_exported_as_a_coco_dataset(tmp_path: Path) -> None:
 
 def test_save_frames_without_a_camera_is_refused() -> None:
     with pytest.raises(
-        InputError, match=r"output\.save_frames: got true; sensing\.kind is 'truth'"
+        InputError, match=r"output\.save_frames: got true; sensing\.kind = 'truth' has no frames"
     ):
         load_scenario("lab_circle", ["output.save_frames=true"])
 

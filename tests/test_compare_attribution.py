@@ -127,7 +127,7 @@ def test_a_large_rest_is_explained() -> None:
     assert found(1.0, 0.09).note("theta2") is None
     assert found(1e-3, 0.09e-3).as_json()["notes"] == {}
     assert "they do not add up" in found(4.0, 1.7).as_json()["notes"]["theta2"]
-    assert "25.0 % of their sum" in str(found(1e-3, 0.2e-3).note("theta2"))
+    assert "25.0 % of the sum" in str(found(1e-3, 0.2e-3).note("theta2"))
 
 
 @pytest.mark.slow
