@@ -24,7 +24,8 @@ from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, INFLUENCES, VISCOUS,
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
-Learnable = Literal["slope", "rolling_resistance", "dry_friction", "viscous_friction"]
+Influence = Literal["slope", "rolling_resistance", "dry_friction", "viscous_friction"]
+Learnable = Influence | Literal["latency"]  # which `dynamics.latency` finds
 PLACES: dict[Learnable, slice] = {
     "slope": GRAVITY,
     "rolling_resistance": slice(DRAG, DRAG + 1),
@@ -48,7 +49,7 @@ class Learner:
 
     def __init__(
         self,
-        learn: tuple[Learnable, ...],
+        learn: tuple[Influence, ...],
         robot: RobotParameters,
         period_s: float,
         nsim: int,

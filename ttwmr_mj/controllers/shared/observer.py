@@ -31,6 +31,7 @@ from ttwmr_mj.dynamics.kinematics import (
     wheels_from_twist,
     workspace_rate,
 )
+from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
@@ -110,9 +111,10 @@ class Observer:
         options: ObserverOptions,
         learner: Learner | None = None,
         ahead: int = 0,
+        latency: LatencyFinder | None = None,
     ) -> None:
         """Set up; what is told is the state so many periods ahead, when the next command acts."""
-        self._ahead = ahead
+        self._ahead, self.latency = ahead, latency
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
@@ -125,10 +127,13 @@ class Observer:
         past = self._past
         if not past:
             past.append(self._first(estimate.state))
+            if self.latency is not None:
+                self.latency.roll(past[0].wheels)
             for _ in range(self._ahead):  # until the first command, servos hold their speed
                 self.commanded(past[0].wheels)
         # what is measured now precedes the state that the next command acts on
-        delay = np.rint(estimate.age_s / self._model.period_s).astype(np.int64) + self._ahead
+        delay = np.rint(self._age_s(estimate) / self._model.period_s).astype(np.int64)
+        delay += self._ahead
         usable = estimate.valid & (delay < len(past))
         if usable.any():
             for back in range(int(delay[usable].max()), -1, -1):
@@ -146,9 +151,20 @@ class Observer:
         if self.learner is not None:
             velocity = self._model.velocity(now.body, now.wheels, now.slip)
             self.learner.predict(now.body, velocity, self.hitch_rate(now))
+        if self.latency is not None:
+            self.latency.commanded(wheels)
         self._past.append(self._predicted(now, wheels))
         self._commands.append(wheels)
         return self._past[-1]
+
+    def _age_s(self, estimate: Estimate) -> FloatArray:
+        """(nsim,) age of the estimate, with the latency that was found out."""
+        if self.latency is None:
+            return estimate.age_s
+        now_s = (self.latency.periods - self._ahead) * self._model.period_s
+        stamp_s = now_s - estimate.age_s
+        self.latency.measured(stamp_s, estimate.state.q, estimate.valid)
+        return np.maximum(estimate.age_s + self.latency.extra_s, 0.0)
 
     def hitch_rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""

@@ -12,6 +12,7 @@ from ttwmr_mj.controllers.shared.observer import Observed, Observer, ObserverOpt
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
 from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
+from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.state import FloatArray
 
@@ -52,20 +53,24 @@ class SteeringLaw(Law[OptionsT]):
         inertia = self._robot.swing_inertia_kg_m2
         lever = self._robot.casters.radius_m / GRAVITY_M_S2
         self._units = np.array([1.0, 1.0, lever, inertia, inertia])  # to those of SIGNALS
-        learner = None
-        if options.learn:
-            angle = options.observer.angle_std_rad, options.observer.rate_std_rad_s
-            process = process_std(options.observer, T)
-            learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
-        self._observer = Observer(self._robot, self._model, options.observer, learner, task.ahead)
+        noise, learner, latency = options.observer, None, None
+        if influences := tuple(name for name in options.learn if name != "latency"):
+            angle = noise.angle_std_rad, noise.rate_std_rad_s
+            process = process_std(noise, T)
+            learner = Learner(influences, self._robot, T, self._nsim, process, angle)
+        if "latency" in options.learn:
+            std = noise.position_std_m, noise.angle_std_rad
+            latency = LatencyFinder(self._robot, T, self._nsim, std)
+        self._observer = Observer(self._robot, self._model, noise, learner, task.ahead, latency)
 
     def _signals(self, now: Observed) -> dict[str, FloatArray]:
         """What was learned, and how sure that is, for the log."""
-        learner = self._observer.learner
+        learner, latency = self._observer.learner, self._observer.latency
+        late = {} if latency is None else {"learned_latency_s": latency.extra_s.copy()}
         if learner is None:
-            return {}
+            return late
         found, std = now.influence * self._units, learner.std() * self._units
-        return {
+        return late | {
             f"learned_{name}{what}_{unit}": values[:, i].copy()
             for what, values in (("", found), ("_std", std))
             for i, (name, unit) in enumerate(SIGNALS)
