@@ -100,7 +100,7 @@ class LatencyFinder:
         worst = np.where(known, cost, 0.0).max(axis=0)
         self._score += np.where(known, cost, worst) * usable
         self._last_q[due], self._last_stamp[due] = q[due, : THETA1 + 1], stamp[due]
-        self._decide(stamp)
+        self._decide(stamp, usable)
 
     def _move(self, q: FloatArray) -> FloatArray:
         """(nsim, 2) path and turn since the last measurement."""
@@ -119,7 +119,8 @@ class LatencyFinder:
         share = (period - whole)[..., None]
         return np.asarray((1.0 - share) * before + share * after)
 
-    def _decide(self, stamp: FloatArray) -> None:
+    def _decide(self, stamp: FloatArray, news: BoolArray) -> None:
+        """Choose among the candidates, for those of whom there is news."""
         score, each = self._score, np.arange(self._score.shape[1])
         best = score.argmin(axis=0)
         believed = np.abs(CANDIDATES[:, None] - self.extra_s / self._period).argmin(axis=0)
@@ -131,7 +132,7 @@ class LatencyFinder:
         whole = (inner != best) | (stamp - CANDIDATES[inner - 1] > self._k)
         step = CANDIDATES[1] - CANDIDATES[0]
         found = CANDIDATES[best] + np.where(whole, 0.0, np.clip(shift, -1.0, 1.0) * step)
-        sure = score[believed, each] - score[best, each] > SURE
+        sure = news & (score[believed, each] - score[best, each] > SURE)
         self._found |= sure
-        refined = sure | (self._found & (best == believed))
+        refined = sure | (news & self._found & (best == believed))
         self.extra_s = np.where(refined, found * self._period, self.extra_s)

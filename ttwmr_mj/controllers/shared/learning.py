@@ -24,8 +24,10 @@ from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, INFLUENCES, VISCOUS,
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
-Influence = Literal["slope", "rolling_resistance", "dry_friction", "viscous_friction"]
-Learnable = Influence | Literal["latency"]  # which `dynamics.latency` finds
+Learnable = Literal[
+    "slope", "rolling_resistance", "dry_friction", "viscous_friction", "latency", "wheel_radius"
+]
+# What this filter finds; `dynamics.latency` finds latency, and `observer` slip, hence the wheels'.
 PLACES: dict[Learnable, slice] = {
     "slope": GRAVITY,
     "rolling_resistance": slice(DRAG, DRAG + 1),
@@ -49,7 +51,7 @@ class Learner:
 
     def __init__(
         self,
-        learn: tuple[Influence, ...],
+        learn: tuple[Learnable, ...],
         robot: RobotParameters,
         period_s: float,
         nsim: int,
@@ -59,7 +61,7 @@ class Learner:
         """Nothing is known yet but the priors.
 
         Args:
-            learn: what to find out.
+            learn: what to find out; what others find is left to them.
             robot: geometry of the trailer.
             period_s: T.
             nsim: simulations.
@@ -68,7 +70,7 @@ class Learner:
         """
         self._robot, self._period = robot, period_s
         self.places: BoolArray = np.zeros(INFLUENCES, dtype=np.bool_)
-        for name in learn:
+        for name in PLACES.keys() & set(learn):
             self.places[PLACES[name]] = True
         prior = np.where(self.places, PRIOR_STD, 0.0)
         first = np.diag(np.square([*measurement_std, process_std[2] / np.sqrt(period_s), *prior]))
