@@ -21,6 +21,7 @@ from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_s
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.influence import DRAG, DRY, INFLUENCES, VISCOUS, influence_of
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle
@@ -250,3 +251,20 @@ def test_nothing_that_is_learned_drives_the_trailer() -> None:
         plant.advance(wandering(k), 1)
         observer.commanded(wandering(k))
     assert np.min(least) == 0.0  # noise about zero, cut
+
+
+def test_another_latency_is_a_new_beginning() -> None:
+    """What seemed to act while measurements were put at wrong times is unlearned."""
+    late = LatencyFinder(BELIEVED, PERIOD, 1, (OPTIONS.position_std_m, OPTIONS.angle_std_rad))
+    observer = Observer(BELIEVED, SampledModel(BELIEVED, PERIOD), OPTIONS, learner(), 0, late)
+    seen = watched(observer, wandering, 90, RUBBING, SLOPE)
+    assert observer.learner is not None
+    assert np.abs(seen.influence).max() > 0.01
+    assert (observer.learner.std() < 0.99 * PRIOR_STD).any()
+    observer._start_again(np.array([False]))
+    assert np.abs(observer._past[-1].influence).max() > 0.01
+    observer._start_again(np.array([True]))
+    for was in observer._past:
+        np.testing.assert_array_equal(was.influence, 0.0)
+        np.testing.assert_array_equal(was.unexplained, 0.0)
+    np.testing.assert_allclose(observer.learner.std()[0], PRIOR_STD, rtol=1e-12)

@@ -28,6 +28,7 @@ class LatencyFinder:
 
     Attributes:
         extra_s: (nsim,) how much later measurements are than told, as far as is known.
+        changed: (nsim,) whose last measurement overthrew what had been believed.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class LatencyFinder:
         """
         self._robot, self._period = robot, period_s
         self.extra_s: FloatArray = np.zeros(nsim)
+        self.changed: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._found: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._moved = np.zeros((ROWS, nsim, 2))  # path and heading commanded since the start
         self._k = BEFORE
@@ -133,6 +135,6 @@ class LatencyFinder:
         step = CANDIDATES[1] - CANDIDATES[0]
         found = CANDIDATES[best] + np.where(whole, 0.0, np.clip(shift, -1.0, 1.0) * step)
         sure = news & (score[believed, each] - score[best, each] > SURE)
-        self._found |= sure
+        self._found, self.changed = self._found | sure, sure
         refined = sure | (news & self._found & (best == believed))
         self.extra_s = np.where(refined, found * self._period, self.extra_s)

@@ -74,7 +74,7 @@ class Learner:
             self.places[PLACES[name]] = True
         prior = np.where(self.places, PRIOR_STD, 0.0)
         first = np.diag(np.square([*measurement_std, process_std[2] / np.sqrt(period_s), *prior]))
-        self._covariance = np.tile(first, (nsim, 1, 1))
+        self._first, self._covariance = first, np.tile(first, (nsim, 1, 1))
         walk = np.square(prior) * FORGETTING_1_S * period_s
         self._process = np.diag([*np.square(process_std), *walk])
         self._most = np.square(prior)
@@ -101,6 +101,10 @@ class Learner:
         P[:, learned] /= excess[..., None]
         P[:, :, learned] /= excess[:, None]
         self._covariance = P
+
+    def restart(self, who: BoolArray) -> None:
+        """Nothing is known any more of some simulations (nsim,)."""
+        self._covariance = np.where(who[:, None, None], self._first, self._covariance)
 
     def gain(self, due: BoolArray) -> FloatArray:
         """(nsim, 8, 2) on the innovations of θ2 and θ̇2; those that are due become surer."""

@@ -119,7 +119,18 @@ class Observer:
         now_s = (self.latency.periods - self._ahead) * self._model.period_s
         stamp_s = now_s - estimate.age_s
         self.latency.measured(stamp_s, estimate.state.q, estimate.valid)
+        self._start_again(self.latency.changed)
         return np.maximum(estimate.age_s + self.latency.extra_s, 0.0)
+
+    def _start_again(self, who: BoolArray) -> None:
+        """Unlearn what seemed to act on the trailer while measurements were put at wrong times."""
+        if self.learner is None or not who.any():
+            return
+        self.learner.restart(who)
+        for i, was in enumerate(self._past):
+            known = np.broadcast_to(self._model.influence, was.influence.shape)
+            fresh = was._replace(unexplained=np.zeros_like(was.unexplained), influence=known)
+            self._past[i] = fresh.where(who, was)
 
     def hitch_rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
