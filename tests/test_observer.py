@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ttwmr_mj.controllers.shared.observer import (
-    MAX_DELAY,
-    Observed,
-    Observer,
-    ObserverOptions,
-    chain_gains,
-    rolling_turn_rate,
-)
+from ttwmr_mj.controllers.shared.observer import MAX_DELAY, Observed, Observer, rolling_turn_rate
+from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, chain_gains
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.sensing import Estimate

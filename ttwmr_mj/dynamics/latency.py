@@ -28,6 +28,7 @@ class LatencyFinder:
 
     Attributes:
         extra_s: (nsim,) how much later measurements are than told, as far as is known.
+        changed: (nsim,) whose latency the last measurement has moved by more than half a period.
     """
 
     def __init__(
@@ -43,6 +44,7 @@ class LatencyFinder:
         """
         self._robot, self._period = robot, period_s
         self.extra_s: FloatArray = np.zeros(nsim)
+        self.changed: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._any: BoolArray = np.zeros(nsim, dtype=np.bool_)  # measurements so far
         self._found: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._moved = np.zeros((ROWS, nsim, 2))  # path and heading commanded since the start
@@ -104,7 +106,7 @@ class LatencyFinder:
         later = due & self._any
         self._any |= due
         self._last_q[later], self._last_stamp[later] = q[later, : THETA1 + 1], stamp[later]
-        self._decide(stamp)
+        self._decide(stamp, usable)
 
     def _move(self, q: FloatArray) -> FloatArray:
         """(nsim, 2) path and turn since the last measurement."""
@@ -123,7 +125,8 @@ class LatencyFinder:
         share = (period - whole)[..., None]
         return np.asarray((1.0 - share) * before + share * after)
 
-    def _decide(self, stamp: FloatArray) -> None:
+    def _decide(self, stamp: FloatArray, news: BoolArray) -> None:
+        """Choose among the candidates, for those of whom there is news."""
         score, each = self._score, np.arange(self._score.shape[1])
         best, step = score.argmin(axis=0), CANDIDATES[1] - CANDIDATES[0]
         now = self.extra_s / self._period
@@ -142,8 +145,9 @@ class LatencyFinder:
         costs_now = np.where(
             near, middle + away * (slope + 0.5 * bend * away), score[believed, each]
         )
-        sure = costs_now - cost > SURE
+        sure = news & (costs_now - cost > SURE)
         self._found |= sure
-        refined = sure | (self._found & (best == believed))
-        found = (CANDIDATES[best] + shift * step) * self._period
-        self.extra_s = np.where(refined, found, self.extra_s)
+        refined = sure | (news & self._found & (best == believed))
+        found = np.where(refined, CANDIDATES[best] + shift * step, now)
+        self.changed = np.abs(found - now) > step
+        self.extra_s = found * self._period
