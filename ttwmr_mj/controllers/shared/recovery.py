@@ -28,9 +28,10 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
-LEAVE, TAKE_BACK = 400.0, 40.0
+LEAVE, TAKE_BACK = 200.0, 20.0
 SAMPLES = 30  # of the horizon, a second, as `mpc` has it
 STEPS = 2  # of Gauss-Newton in a period
+WEIGHTS = TrackingWeights(position_scale_m=0.03, angle_scale_rad=0.1, change_scale_rad_s=0.3)
 
 RecoveryKind = Annotated[
     Literal["own", "mpc"],
@@ -62,7 +63,7 @@ class Recovery:
             learns: whether disturbances include what acts on the trailer.
         """
         smooth = friction.planning(period_s, PREDICTION_SUBSTEP_S)
-        problem = TrackingProblem(robot, smooth, TrackingWeights(), learns=learns)
+        problem = TrackingProblem(robot, smooth, WEIGHTS, learns=learns)
         self._horizon = RecedingHorizon(problem, SAMPLES, STEPS)
         self._decay = decay(DISTURBANCE_TIME_S, period_s, problem.lasting)
         self._led: BoolArray = np.zeros(nsim, dtype=np.bool_)
