@@ -39,7 +39,8 @@ class RecedingHorizon:
         """
         self._problem, self._samples, self._steps = problem, samples, steps
         self._who: BoolArray | None = None  # whose plans these are
-        self._state = self._command = np.empty(0)  # (n + 1, m, 7) and (n, m, 2) of them
+        self._state: FloatArray = np.empty(0)  # (n + 1, m, 7) of them
+        self._command: FloatArray = np.empty(0)  # (n, m, 2)
 
     def plan(
         self, path: ReferencePath, planned: FloatArray, decay: FloatArray, passes: int = 0
@@ -62,7 +63,7 @@ class RecedingHorizon:
         miss = np.concatenate([now.body, now.wheels], axis=1) - self._target.state[k]
         miss[:, 2:4] = wrap(miss[:, 2:4])
         cost: FloatArray = apply(self._lqr.cost[k, :, :STATES, :STATES], miss)
-        return np.asarray(0.5 * (miss * cost).sum(axis=1), dtype=np.float64)
+        return np.asarray(0.5 * (miss * cost).sum(axis=1))
 
     def command(self, k: int, now: Observed, disturbance: FloatArray, who: BoolArray) -> FloatArray:
         """(m, 2) first commands of the improved plans of those who are asked for, m of them.
@@ -96,7 +97,7 @@ class RecedingHorizon:
                 cut=True,
             )
         self._who, self._state, self._command = who.copy(), state, command
-        return command[0]
+        return np.asarray(command[0])
 
     def _on_the_branch(self, target: Target, now: Observed, who: BoolArray) -> FloatArray:
         """(m, 7) states, their angles within half a turn of the reference's."""
