@@ -43,7 +43,9 @@ from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
-from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
+from ttwmr_mj.controllers.shared.planning import PlanningLaw
+from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
+from ttwmr_mj.controllers.shared.steering import SteeringOptions
 from ttwmr_mj.controllers.shared.transition import WaysBack
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.dynamics.flatness import (
@@ -67,7 +69,7 @@ BANDWIDTH = 3.5  # λ in turn rates of the reference's trailer, if none is given
 FAR = 0.4  # error of F'', as a share of it, from which on a way back is sought (0.2, 0.8: 93 %)
 
 
-class Flatness(SteeringLaw["FlatnessOptions"]):
+class Flatness(PlanningLaw["FlatnessOptions"]):
     """The law above, on the observer's state, with the wheel map of the article's law."""
 
     def start(self, task: Task) -> None:
@@ -94,6 +96,15 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         self._ways = WaysBack(
             flat, self._least, float(self._sign[0]), mean_rate, self._robot, self._period, nsim
         )
+        self._recovery: Recovery | None = None
+        if options.recovery == "mpc":
+            robot, friction = self._robot, self._friction
+            self._recovery = Recovery(robot, friction, self._period, nsim, self._learns)
+            self._plan(path)
+
+    def _plan(self, path: ReferencePath, passes: int = 0) -> None:
+        if self._recovery is not None:
+            self._recovery.plan(path, self._planned, passes)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law."""
@@ -113,13 +124,16 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         across = length * (theta2_acceleration - d)
         wish = g + along[:, None] * t + across[:, None] * n
         command = self._wheels.command(wish, self._state(now))
+        command, led = self._led_back(k, now, command)
         after = self._observer.commanded(command.wheel_speed_rad_s)
         self._along = a + T * a_rate + 0.5 * T * T * a_acceleration
         self._along_rate = a_rate + T * a_acceleration
-        held = self._hold_to_the_possible(k, now, after, command)
-        self._trouble = self._trouble | held | command.saturated | command.near_singular
+        cut = command.saturated | led
+        held = self._hold_to_the_possible(k, now, after, cut)
+        trouble = self._trouble | held | cut | command.near_singular
+        self._trouble = trouble & ~led
         share = self._options.integral_share * self._bandwidth
-        self._integral = self._integral + T * share * error * ~command.saturated
+        self._integral = self._integral + T * share * error * ~cut
         return replace(command, signals=self._signals(now))
 
     def _hitch(self, now: Observed) -> FloatArray:
@@ -174,10 +188,26 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         if start is not None:
             self._along[who], self._along_rate[who] = start
 
+    def _led_back(self, k: int, now: Observed, command: Command) -> tuple[Command, BoolArray]:
+        """The command, with other wheel speeds for those (nsim,) who are led back by plans."""
+        none = np.zeros(self._nsim, dtype=np.bool_)
+        if self._recovery is None:
+            return command, none
+        k = self._since_plan(k, now)
+        led = self._recovery.led(k, now)
+        if not led.any():
+            return command, led
+        wheels = command.wheel_speed_rad_s.copy()
+        wheels[led] = self._recovery.command(k, now, self._disturbance(now))
+        self._wheels.follow(led, wheels)
+        self._ways.leave(led)
+        cut = np.where(led, self._at_limit(wheels, now), command.saturated)
+        return replace(command, wheel_speed_rad_s=wheels, saturated=cut), led
+
     def _hold_to_the_possible(
-        self, k: int, now: Observed, after: Observed, command: Command
+        self, k: int, now: Observed, after: Observed, cut: BoolArray
     ) -> BoolArray:
-        """Keep a away from zero, and to what P really does where wheels were cut.
+        """Keep a away from zero, and to what P really does where the law did not get its wish.
 
         Returns:
             (nsim,) where a had come too close to zero.
@@ -186,7 +216,6 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         t, _ = trailer_axes(0.5 * (now.body[:, 3] + after.body[:, 3]) - self._lean)
         pull = dot(now.influence[:, GRAVITY], t)
         possible = dot(change, t) / self._period - pull + self._length * after.body[:, 4] ** 2
-        cut = command.saturated
         size = self._sign * np.where(cut, possible, self._along)
         least = self._least[k]
         self._along = self._sign * np.maximum(size, least)
@@ -235,6 +264,7 @@ class FlatnessOptions(SteeringOptions):
         description="share of the reference's |F''| below which the law does not let |F''| "
         "fall, as θ2 is undefined where F'' = 0; typically 0.3",
     )
+    recovery: RecoveryKind = "mpc"
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
         """The law needs the centre of oscillation, accelerating."""

@@ -23,21 +23,18 @@ Outside that region it does not recover: the gains stay the same (`mpc` plans it
 from typing import Any, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
 
-from ttwmr_mj.controllers.base import Command, Law, Task, undefined_theta2
+from ttwmr_mj.controllers.base import Command, Law, Task
 from ttwmr_mj.controllers.shared.gauss_newton import fit, lqr
-from ttwmr_mj.controllers.shared.planning import PlanningLaw
+from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
+from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
 from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.steering import SteeringOptions
-from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem, TrackingWeights
+from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem
 from ttwmr_mj.dynamics.influence import DRY, VISCOUS
 from ttwmr_mj.dynamics.sampled import SLIP
-from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import FloatArray, wrap
+from ttwmr_mj.state import wrap
 
 
 class Tvlqr(PlanningLaw["TvlqrOptions"]):
@@ -50,6 +47,9 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         smooth, free = self._friction.planning(self._period), self._friction.free(self._period)
         self._smooth = TrackingProblem(robot, smooth, weights, learns=learns)
         self._free = TrackingProblem(robot, free, weights, learns=learns)
+        self._recovery: Recovery | None = None
+        if self._options.recovery == "mpc":
+            self._recovery = Recovery(robot, self._friction, self._period, self._nsim, learns)
         self._plan(task.path_ahead)
 
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
@@ -62,9 +62,11 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         self._gain = lqr(self._free, self._state, self._command, decay, without).gain
         influence = self._influence_planned
         self._rubbing = self._friction.acceleration_along(self._state, influence)
+        if self._recovery is not None:
+            self._recovery.plan(path, self._planned, passes)
 
     def command(self, k: int, estimate: Estimate) -> Command:
-        """ū + K·(x − x̄), within the servos' limits."""
+        """ū + K·(x − x̄), or what leads back, within the servos' limits."""
         now = self._observer.update(estimate)
         k = self._since_plan(k, now)
         viscous = self._influence_planned[:, VISCOUS]
@@ -74,39 +76,15 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         beside = self._disturbance(now) - self._planned
         beside[:, SLIP] += rubbing
         miss = np.concatenate([miss, beside[:, : self._free.lasting]], axis=1)
-        return self._possible(self._command[k] + apply(self._gain[k], miss), now)
+        wish = self._command[k] + apply(self._gain[k], miss)
+        if self._recovery is not None and (led := self._recovery.led(k, now)).any():
+            wish[led] = self._recovery.command(k, now, self._disturbance(now))
+        return self._possible(wish, now)
 
 
-class TvlqrOptions(SteeringOptions):
+class TvlqrOptions(TrackingOptions):
     """Time-varying LQR along any feasible reference; steers the trailer."""
 
     law: ClassVar[type[Law[Any]]] = Tvlqr
     kind: Literal["tvlqr"] = "tvlqr"
-    weights: TrackingWeights = TrackingWeights()
-    disturbance_time_s: float = Field(
-        default=10.0,
-        gt=0,
-        le=1e4,
-        description="time constant with which slip and an unexplained θ̈2 are assumed to "
-        "decay; typically 10",
-    )
-
-    def decay(self, period_s: float, lasting: int) -> FloatArray:
-        """(lasting,) factors by which disturbances fall in a period; what is learned lasts."""
-        factors = np.ones(lasting)
-        factors[:UNKNOWN] = np.exp(-period_s / self.disturbance_time_s)
-        return factors
-
-    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
-        """Steering the trailer needs θ2 everywhere."""
-        undefined = ~np.isfinite(path.theta).all(axis=(1, 2))
-        if not undefined.any():
-            return []
-        return [
-            undefined_theta2(
-                reference,
-                f"at {path.time_s[undefined][0]:g} s; controller.kind = {self.kind!r} steers the "
-                "trailer and needs θ2 everywhere",
-                "a circle with theta2 = 'outward', 'flat_circle' and 'planned' have it",
-            )
-        ]
+    recovery: RecoveryKind = "mpc"

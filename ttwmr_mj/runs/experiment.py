@@ -89,12 +89,18 @@ class Experiment:
         self._told = build.believed_reference(scenario)
         self._controller = build.make_controller(scenario, self._told, self._folder)
 
-    def run(self, report: Report | None = None, initial: RobotState | None = None) -> Result:
+    def run(
+        self,
+        report: Report | None = None,
+        initial: RobotState | None = None,
+        pushes: tuple[Push, ...] | None = None,
+    ) -> Result:
         """Run from the initial state to the end, or until it fails.
 
         Args:
             initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, every now and then and at the end.
+            pushes: on each simulation; None: what the scenario says, drawn by its seed.
 
         Raises:
             InputError: the controller cannot start.
@@ -115,7 +121,7 @@ class Experiment:
             Actuation(
                 scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
             ),
-            Push.of_scenario(scenario, self.nsim),
+            Push.of_scenario(scenario, self.nsim) if pushes is None else pushes,
         )
         task = Task(
             scenario.believed_robot,

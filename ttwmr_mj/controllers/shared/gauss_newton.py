@@ -12,6 +12,7 @@ from ttwmr_mj.controllers.shared.tracking_problem import (
     INPUTS,
     RESIDUALS,
     STATES,
+    UNKNOWN,
     Target,
     TrackingProblem,
 )
@@ -19,6 +20,7 @@ from ttwmr_mj.state import FloatArray
 
 FITTING_PASSES = 30  # shipped scenarios take 2 to 5, rest to rest with 1e-3 N·m of friction 16
 FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
+DISTURBANCE_TIME_S = 10.0  # in which what is unexplained is assumed to decay
 FITTING_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a step; zero keeps what there is
 
 
@@ -176,3 +178,10 @@ def lqr(
         np.zeros((batch, size)),
     )
     return backward(A, B, by_state, problem.residual_by_command, exact, end, slope)
+
+
+def decay(time_s: float, period_s: float, lasting: int) -> FloatArray:
+    """(lasting,) factors by which disturbances fall in a period; what is learned lasts."""
+    factors = np.ones(lasting)
+    factors[:UNKNOWN] = np.exp(-period_s / time_s)
+    return factors

@@ -4,13 +4,17 @@ from abc import abstractmethod
 from typing import TypeVar
 
 import numpy as np
+from pydantic import Field
 
-from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.base import Task, undefined_theta2
+from ttwmr_mj.controllers.shared.gauss_newton import DISTURBANCE_TIME_S, decay
 from ttwmr_mj.controllers.shared.observer import Observed
 from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
-from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN
+from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingWeights
+from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.state import FloatArray
 
 FIRST_LESSON_S = 1.0  # a plan is made anew after this time, twice this time, four times, …
@@ -53,3 +57,34 @@ class PlanningLaw(SteeringLaw[OptionsT]):
         """(nsim, width) with what acts on the trailer, and nothing unknown."""
         unknown = np.zeros((len(influence), UNKNOWN))
         return np.concatenate([unknown, influence], axis=1) if self._learns else unknown
+
+
+class TrackingOptions(SteeringOptions):
+    """Options of laws that weigh tracking errors along any feasible reference."""
+
+    weights: TrackingWeights = TrackingWeights()
+    disturbance_time_s: float = Field(
+        default=DISTURBANCE_TIME_S,
+        gt=0,
+        le=1e4,
+        description="time constant with which slip and an unexplained θ̈2 are assumed to "
+        "decay; typically 10",
+    )
+
+    def decay(self, period_s: float, lasting: int) -> FloatArray:
+        """(lasting,) factors by which disturbances fall in a period; what is learned lasts."""
+        return decay(self.disturbance_time_s, period_s, lasting)
+
+    def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
+        """Steering the trailer needs θ2 everywhere."""
+        undefined = ~np.isfinite(path.theta).all(axis=(1, 2))
+        if not undefined.any():
+            return []
+        return [
+            undefined_theta2(
+                reference,
+                f"at {path.time_s[undefined][0]:g} s; controller.kind = {self.kind!r} steers the "
+                "trailer and needs θ2 everywhere",
+                "a circle with theta2 = 'outward', 'flat_circle' and 'planned' have it",
+            )
+        ]

@@ -15,7 +15,7 @@ from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import BoolArray, FloatArray
 
 # Name and unit of what is learned, in the order of `dynamics.influence`.
 SIGNALS = (
@@ -96,20 +96,22 @@ class SteeringLaw(Law[OptionsT]):
             "learned_wheel_radius_std_m": np.where(np.isnan(std), np.inf, std),
         }
 
+    def _at_limit(self, wish: FloatArray, now: Observed) -> BoolArray:
+        """(nsim,) whose wish (nsim, 2) [rad/s] is at a limit of the servos, or beyond."""
+        outward = wish + np.copysign(CUT_RAD_S, wish - now.wheels)
+        cut = np.abs(self._model.within_limits(now.wheels, outward) - outward)
+        return np.asarray(cut.max(axis=1) > 0.0)
+
     def _possible(self, wish: FloatArray, now: Observed) -> Command:
         """The command closest to the desired one (nsim, 2) [rad/s]; the observer takes note of it.
 
         A wish at a limit counts as saturated: who optimises within the limits asks for no more.
         """
         wheels = self._model.within_limits(now.wheels, wish)
-        outward = wish + np.copysign(CUT_RAD_S, wish - now.wheels)
-        cut = np.abs(self._model.within_limits(now.wheels, outward) - outward).max(axis=1) > 0.0
+        cut = self._at_limit(wish, now)
         speed = twist_from_wheels(wheels, self._robot)[:, 0]
         self._observer.commanded(wheels)
         near_singular = np.asarray(np.abs(speed) < NEAR_STANDSTILL_M_S)
         return Command(
-            wheels,
-            saturated=np.asarray(cut),
-            near_singular=near_singular,
-            signals=self._signals(now),
+            wheels, saturated=cut, near_singular=near_singular, signals=self._signals(now)
         )

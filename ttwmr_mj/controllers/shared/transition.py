@@ -80,6 +80,10 @@ class WaysBack:
         elapsed = (k - self._began) * self._period
         return np.asarray(self._flat[k] + way_back(self._error, elapsed, self._duration))
 
+    def leave(self, who: BoolArray) -> None:
+        """No way for them (nsim,) any more, but the reference."""
+        self._error[who], self._began[who], self._troubled[who] = 0.0, -PATIENCE, 0.0
+
     def wanted(self, k: int, trouble: BoolArray) -> BoolArray:
         """(nsim,) who needs another way; to be asked at every sample, with whose law is cut."""
         self._troubled = (self._troubled + 1.0) * trouble

@@ -13,7 +13,7 @@ import numpy as np
 from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, FloatArray, RobotState
+from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState
 
 NEAR_STANDSTILL_M_S = 0.01  # |u1| below which u2 = (v·n)/u1 would amplify by over 100 s/m
 MIX = np.array([[1.0, 1.0], [1.0, -1.0]])  # (drive, spin) @ MIX = (right, left)
@@ -72,6 +72,12 @@ class AccelerationToWheels:
         self._speed = (0.5 * self._radius) * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
         wheels = wheels * self._equal
         return Command(wheels, saturated=saturated, near_singular=np.asarray(near_singular))
+
+    def follow(self, who: BoolArray, wheels: FloatArray) -> None:
+        """Go on from other wheel speeds (nsim, 2) where they (nsim,) were commanded instead."""
+        wheels = np.where(who[:, None], wheels / self._equal, self._wheels)
+        self._wheels = wheels
+        self._speed = (0.5 * self._radius) * (wheels[:, 0] + wheels[:, 1])  # Eq. 8
 
     def _within_limits(self, wish: FloatArray) -> FloatArray:
         """(nsim, 2) wheel speeds for a wish (drive, spin), cut to the servo's range and reach."""

@@ -1,0 +1,83 @@
+"""Handing over to model predictive control, far from the reference, and taking back near it.
+
+A law about its reference is local. Its region is told by what the time-varying LQR about the
+reference (`tvlqr`) expects the way back to cost, V = ½·δxᵀP_k·δx: a Lyapunov function of that loop,
+so that near the reference its level sets are regions that one does not leave again. Outside
+V ≤ LEAVE the plans of `receding_horizon` drive, with the law's own observer and with the same
+disturbances; the law takes back inside V ≤ TAKE_BACK. The two levels are far apart, so that it does
+not change hands at every sample. Each simulation decides for itself.
+
+Neither level is proven: the limits of the servos are not in V. LEAVE is the level from which the
+gains of `tvlqr` mostly fail, and the plans, which know the limits, have no proof far off (`mpc`).
+Measured: docs/controllers.md, "Pushes at every phase".
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field
+
+from ttwmr_mj.controllers.shared.friction import HitchFriction
+from ttwmr_mj.controllers.shared.gauss_newton import DISTURBANCE_TIME_S, decay
+from ttwmr_mj.controllers.shared.observer import Observed
+from ttwmr_mj.controllers.shared.receding_horizon import PREDICTION_SUBSTEP_S, RecedingHorizon
+from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import BoolArray, FloatArray
+
+LEAVE, TAKE_BACK = 200.0, 20.0
+SAMPLES = 30  # of the horizon, a second, as `mpc` has it
+STEPS = 2  # of Gauss-Newton in a period
+WEIGHTS = TrackingWeights(position_scale_m=0.03, angle_scale_rad=0.1, change_scale_rad_s=0.3)
+
+RecoveryKind = Annotated[
+    Literal["own", "mpc"],
+    Field(
+        description="who leads back from far off the reference: the law's own means, or model "
+        "predictive control, until the error is small again"
+    ),
+]
+
+
+class Recovery:
+    """Who of a batch is led back by plans, and their commands."""
+
+    def __init__(
+        self,
+        robot: RobotParameters,
+        friction: HitchFriction,
+        period_s: float,
+        nsim: int,
+        learns: bool,
+    ) -> None:
+        """All simulations start in the hands of their law.
+
+        Args:
+            robot: as believed.
+            friction: of the hitch, as believed.
+            period_s: T.
+            nsim: simulations.
+            learns: whether disturbances include what acts on the trailer.
+        """
+        smooth = friction.planning(period_s, PREDICTION_SUBSTEP_S)
+        problem = TrackingProblem(robot, smooth, WEIGHTS, learns=learns)
+        self._horizon = RecedingHorizon(problem, SAMPLES, STEPS)
+        self._decay = decay(DISTURBANCE_TIME_S, period_s, problem.lasting)
+        self._led: BoolArray = np.zeros(nsim, dtype=np.bool_)
+
+    def plan(self, path: ReferencePath, planned: FloatArray, passes: int = 0) -> None:
+        """Take the reference; arguments as of `RecedingHorizon.plan`."""
+        self._horizon.plan(path, planned, self._decay, passes)
+
+    def led(self, k: int, now: Observed) -> BoolArray:
+        """(nsim,) who is led back at sample k since the plan's start; to be asked at each."""
+        cost = self._horizon.cost_to_go(k, now)
+        self._led = cost > np.where(self._led, TAKE_BACK, LEAVE)
+        return self._led
+
+    def command(self, k: int, now: Observed, disturbance: FloatArray) -> FloatArray:
+        """(m, 2) wheel speeds for those who are led, m of them, at least one."""
+        return self._horizon.command(k, now, disturbance, self._led)
