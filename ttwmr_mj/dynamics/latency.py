@@ -18,7 +18,8 @@ from ttwmr_mj.state import THETA1, BoolArray, FloatArray, wrap
 CANDIDATES = np.arange(-1.5, 3.75, 0.5)  # extra latencies, in periods
 MEMORY_S = 8.0  # differences fade in this time
 BIAS_S = 0.7  # and what is taken off them follows in this
-SURE = 20.0  # by how much a latency must explain better than the one believed: odds of e^10
+SURE = 12.0  # by how much a latency must explain better than the one believed: odds of e^6
+BEFORE = 5  # periods before the first command, in which the wheels turn as at the start
 ROWS = 64  # periods of commands that are kept, about two seconds
 
 
@@ -27,7 +28,6 @@ class LatencyFinder:
 
     Attributes:
         extra_s: (nsim,) how much later measurements are than told, as far as is known.
-        periods: of commands that have been noted.
     """
 
     def __init__(
@@ -43,9 +43,10 @@ class LatencyFinder:
         """
         self._robot, self._period = robot, period_s
         self.extra_s: FloatArray = np.zeros(nsim)
+        self._any: BoolArray = np.zeros(nsim, dtype=np.bool_)  # measurements so far
         self._found: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._moved = np.zeros((ROWS, nsim, 2))  # path and heading commanded since the start
-        self.periods = 0
+        self._k = BEFORE
         self._last_q: FloatArray = np.full((nsim, THETA1 + 1), np.nan)
         self._last_stamp = np.full(nsim, np.nan)
         self._bias = np.zeros((CANDIDATES.size, nsim, 2))
@@ -53,9 +54,19 @@ class LatencyFinder:
         self._variance = 2.0 * np.square(std)
         self._setpoint: FloatArray = np.zeros((nsim, 2))
 
+    @property
+    def periods(self) -> int:
+        """Of commands that have been noted."""
+        return self._k - BEFORE
+
     def roll(self, wheel_speed_rad_s: FloatArray) -> None:
-        """Say that the wheels (nsim, 2) are turning already; for a start in motion."""
+        """Say that the wheels (nsim, 2) are turning already, and have been; for a start in motion.
+
+        Without it they have stood.
+        """
         self._setpoint = wheel_speed_rad_s
+        step = self._period * twist_from_wheels(wheel_speed_rad_s, self._robot)
+        self._moved[: BEFORE + 1] = np.arange(BEFORE + 1.0)[:, None, None] * step
 
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:
         """Take note of the command (nsim, 2) for the coming period."""
@@ -64,8 +75,8 @@ class LatencyFinder:
         moved, angle = ramp_and_angle(change, servo, self._period)
         step = twist_from_wheels(self._period * self._setpoint + angle, self._robot)
         self._setpoint = self._setpoint + moved
-        self._moved[(self.periods + 1) % ROWS] = self._moved[self.periods % ROWS] + step
-        self.periods += 1
+        self._moved[(self._k + 1) % ROWS] = self._moved[self._k % ROWS] + step
+        self._k += 1
 
     def measured(self, stamp_s: FloatArray, q: FloatArray, due: BoolArray) -> None:
         """Compare a measurement with the last one.
@@ -75,11 +86,12 @@ class LatencyFinder:
             q: (nsim, 3 or more) x, y, θ1, …
             due: (nsim,) who has measured.
         """
-        stamp = np.round(stamp_s / self._period, 6)  # a sum of periods is whole but for rounding
+        # a sum of periods is whole but for rounding
+        stamp = np.round(stamp_s / self._period, 6) + BEFORE
         move = self._move(q)
         usable = due & np.isfinite(move).all(axis=1) & (stamp > self._last_stamp)
         first, last = (at - CANDIDATES[:, None] for at in (self._last_stamp, stamp))
-        known = (first >= max(self.periods - ROWS + 1, 0)) & (last <= self.periods) & usable
+        known = (first >= max(self._k - ROWS + 1, 0)) & (last <= self._k) & usable
         miss = move - (self._at(last) - self._at(first))
         off = np.where(known[..., None], miss - self._bias, 0.0)
         self._bias += self._period / BIAS_S * off
@@ -88,7 +100,10 @@ class LatencyFinder:
         # who cannot be compared yet, or comes from the future, is no better than the worst
         worst = np.where(known, cost, 0.0).max(axis=0)
         self._score += np.where(known, cost, worst) * usable
-        self._last_q[due], self._last_stamp[due] = q[due, : THETA1 + 1], stamp[due]
+        # the first stands in for those that are on their way: its own time is unknown
+        later = due & self._any
+        self._any |= due
+        self._last_q[later], self._last_stamp[later] = q[later, : THETA1 + 1], stamp[later]
         self._decide(stamp)
 
     def _move(self, q: FloatArray) -> FloatArray:
@@ -100,9 +115,9 @@ class LatencyFinder:
 
     def _at(self, period: FloatArray) -> FloatArray:
         """(candidates, nsim, 2) what was commanded up to times in periods; between them, linear."""
-        lowest = max(self.periods - ROWS + 1, 0)
-        period = np.clip(np.nan_to_num(period), lowest, self.periods)
-        whole = np.minimum(np.floor(period).astype(np.int64), max(self.periods - 1, lowest))
+        lowest = max(self._k - ROWS + 1, 0)
+        period = np.clip(np.nan_to_num(period), lowest, self._k)
+        whole = np.minimum(np.floor(period).astype(np.int64), max(self._k - 1, lowest))
         each = np.arange(period.shape[1])
         before, after = (self._moved[(whole + i) % ROWS, each] for i in (0, 1))
         share = (period - whole)[..., None]
@@ -110,17 +125,25 @@ class LatencyFinder:
 
     def _decide(self, stamp: FloatArray) -> None:
         score, each = self._score, np.arange(self._score.shape[1])
-        best = score.argmin(axis=0)
-        believed = np.abs(CANDIDATES[:, None] - self.extra_s / self._period).argmin(axis=0)
-        # the parabola through the best and its neighbours, where both could be compared
+        best, step = score.argmin(axis=0), CANDIDATES[1] - CANDIDATES[0]
+        now = self.extra_s / self._period
+        believed = np.abs(CANDIDATES[:, None] - now).argmin(axis=0)
+        # the parabola through the best and its neighbours, where all could be compared
         inner = np.clip(best, 1, CANDIDATES.size - 2)
         left, middle, right = (score[inner + i, each] for i in (-1, 0, 1))
-        bend = left - 2.0 * middle + right
-        shift = 0.5 * (left - right) / np.where(bend > 0.0, bend, np.inf)
-        whole = (inner != best) | (stamp - CANDIDATES[inner - 1] > self.periods)
-        step = CANDIDATES[1] - CANDIDATES[0]
-        found = CANDIDATES[best] + np.where(whole, 0.0, np.clip(shift, -1.0, 1.0) * step)
-        sure = score[believed, each] - score[best, each] > SURE
+        bend, slope = left - 2.0 * middle + right, 0.5 * (right - left)
+        shift = np.clip(-slope / np.where(bend > 0.0, bend, np.inf), -1.0, 1.0)
+        whole = (inner != best) | (stamp - CANDIDATES[inner - 1] > self._k)
+        shift = np.where(whole, 0.0, shift)
+        # how much better that is than the latency believed
+        away = (now - CANDIDATES[best]) / step
+        near = ~whole & (np.abs(away) < 1.0)
+        cost = score[best, each] + shift * (slope + 0.5 * bend * shift)
+        costs_now = np.where(
+            near, middle + away * (slope + 0.5 * bend * away), score[believed, each]
+        )
+        sure = costs_now - cost > SURE
         self._found |= sure
         refined = sure | (self._found & (best == believed))
-        self.extra_s = np.where(refined, found * self._period, self.extra_s)
+        found = (CANDIDATES[best] + shift * step) * self._period
+        self.extra_s = np.where(refined, found, self.extra_s)

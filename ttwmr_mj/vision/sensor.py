@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -27,6 +28,7 @@ from ttwmr_mj.vision.tracking.estimate import TrackEstimate
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
+POSE_STD = (3e-4, 2e-3)  # of a pose from one frame's labels, twice that of the lab's camera
 
 
 class CameraSensor(Sensor):
@@ -39,6 +41,7 @@ class CameraSensor(Sensor):
         trackers: one per simulation.
         layout: the labels on the robot.
         estimates: the trackers' full answers of this period.
+        latency: what is found out of the frames' latency; None where that is not wanted.
     """
 
     def __init__(
@@ -90,6 +93,10 @@ class CameraSensor(Sensor):
         known = calibrated, layout, believed, section.tracker
         self.trackers = [Tracker(*known) for _ in range(nsim)]
         self.estimates: list[TrackEstimate] = []
+        self.latency: LatencyFinder | None = None
+        if section.tracker.learn_latency:
+            self.latency = LatencyFinder(believed, period_s, nsim, POSE_STD)
+        self._made_up_s = np.zeros(nsim)  # latency that stamps are corrected by
         delivery = section.camera.faults.delivery
         self._faults = [DeliveryFaults(delivery, child) for child in children[1::3]]
         self._log: list[CameraRecord] | None = None
@@ -114,6 +121,8 @@ class CameraSensor(Sensor):
         arrived = self._exchange(self._expose(truth, now), now)
         pairs = zip(self.trackers, arrived, strict=True)
         self.estimates = answers = [tracker.follow(frames, now) for tracker, frames in pairs]
+        if self.latency is not None:
+            self._learn_latency(arrived)
         if self._log is not None:
             frame = arrived[0][-1] if arrived[0] else None
             self._log.append(CameraRecord(now, frame, self.trackers[0].sighting, answers[0]))
@@ -134,6 +143,8 @@ class CameraSensor(Sensor):
         now = self._k * self._period_s
         for tracker, command in zip(self.trackers, wheel_speed_rad_s, strict=True):
             tracker.commands.tell(now + self._command_latency_s, command, self._period_s)
+        if self.latency is not None:
+            self.latency.commanded(wheel_speed_rad_s)
         self._k += 1
 
     def keep_log(self) -> None:
@@ -155,8 +166,11 @@ class CameraSensor(Sensor):
         """Who puts the robot down knows roughly where, and how fast its wheels turn."""
         twist = workspace_rate(truth.q, truth.q_rate)[:, :2]
         speeds = wheels_from_twist(twist, self._believed)
-        for i, (tracker, wheels) in enumerate(zip(self.trackers, speeds, strict=True)):
+        for tracker, wheels in zip(self.trackers, speeds, strict=True):
             tracker.commands.roll(wheels)
+        if self.latency is not None:
+            self.latency.roll(speeds)
+        for i, tracker in enumerate(self.trackers):
             tracker.assume(0.0, truth.q[i], float(truth.q_rate[i, 3]))
 
     def _expose(self, truth: RobotState, now: float) -> Future[Frames]:
@@ -181,9 +195,25 @@ class CameraSensor(Sensor):
         frames: Frames = [[] for _ in self.cameras]
         for i in np.flatnonzero(arrived.sent > self._arrived).tolist():
             due = self._travelling.item(int(arrived.sent[i])).result()
-            frames[i] = [_stamped(frame, float(late[i]), now) for frame in due[i]]
+            error = float(late[i] - self._made_up_s[i])
+            frames[i] = [_stamped(frame, error, now) for frame in due[i]]
         self._arrived = arrived.sent
         return frames
+
+    def _learn_latency(self, arrived: Frames) -> None:
+        """Compare the poses of new frames with what was commanded before their stamps."""
+        assert self.latency is not None
+        stamp_s, poses = np.zeros(len(arrived)), np.zeros((len(arrived), 4))
+        due = np.zeros(len(arrived), dtype=np.bool_)
+        for i, (tracker, frames) in enumerate(zip(self.trackers, arrived, strict=True)):
+            pose = tracker.sighted_pose() if frames else None
+            if pose is not None:
+                due[i], poses[i] = True, pose.q
+                stamp_s[i] = frames[-1].time_s + self._made_up_s[i] - self._command_latency_s
+        self.latency.measured(stamp_s, poses, due)
+        # no faster than a period at a time, or stamps would run backward
+        change = self.latency.extra_s - self._made_up_s
+        self._made_up_s += np.clip(change, -self._period_s, self._period_s)
 
 
 def _stamped(frame: Frame, late_s: float, now: float) -> Frame:

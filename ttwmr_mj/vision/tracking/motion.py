@@ -50,7 +50,7 @@ class MotionModel:
     def __init__(self, robot: RobotParameters, options: TrackerOptions) -> None:
         """Take the robot's constants and the size of what the model lacks."""
         hitch, inertia = robot.hitch, robot.swing_inertia_kg_m2
-        self._k = robot.swing_length_m
+        self._k, self._lean = robot.swing_length_m, robot.lean_rad
         # a hitch too stiff to be integrated is locked for every purpose here
         self._stiffness = min(hitch.stiffness_n_m_rad / inertia, FASTEST_1_S**2)
         self._damping = min(hitch.damping_n_m_s_rad / inertia, FASTEST_1_S)
@@ -105,7 +105,8 @@ class MotionModel:
         self, hitch: float, rate: float, u1: float, u2: float, u1_rate: float
     ) -> float:
         """θ̈2 (Eq. 24 with Eq. 27-28 and the hitch's torque)."""
-        free = (u1 * u2 * math.cos(hitch) - u1_rate * math.sin(hitch)) / self._k
+        swung = hitch - self._lean
+        free = (u1 * u2 * math.cos(swung) - u1_rate * math.sin(swung)) / self._k
         hitch_rate = rate - u2
         return (
             free
@@ -156,7 +157,8 @@ class MotionModel:
         u2 = 0.5 * (ramp.u2_start + ramp.u2_end) + delta2
         u1_rate = (ramp.u1_end - ramp.u1_start) / ramp.duration_s - self._decay * delta1
         cos, sin = math.cos(theta1), math.sin(theta1)
-        cos_hitch, sin_hitch = math.cos(theta2 - theta1), math.sin(theta2 - theta1)
+        swung = theta2 - theta1 - self._lean
+        cos_hitch, sin_hitch = math.cos(swung), math.sin(swung)
         grip = self._friction / STICTION_RATE_RAD_S
         loss = self._damping + grip * (1.0 - math.tanh((rate - u2) / STICTION_RATE_RAD_S) ** 2)
         by_hitch = -(u1 * u2 * sin_hitch + u1_rate * cos_hitch) / self._k - self._stiffness

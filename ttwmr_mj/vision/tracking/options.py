@@ -70,6 +70,10 @@ class TrackerOptions(Config):
         description="standard deviation of θ1 or θ2 above which the estimate is invalid; "
         "typically 0.2",
     )
+    learn_latency: bool = Field(
+        default=False,
+        description="find out on line how much later frames are than told, and make up for it",
+    )
 
 
 # nobody tells what the wheels of a filmed robot were told: anything they can do must be expected

@@ -22,6 +22,7 @@ from ttwmr_mj.vision.tracking.estimate import Sighting, Status, TrackEstimate, n
 from ttwmr_mj.vision.tracking.kalman import update
 from ttwmr_mj.vision.tracking.motion import DELTA1, THETA2_RATE, Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
+from ttwmr_mj.vision.tracking.pose import MIN_LABELS, LabelPose, solve_pose
 
 MIN_SEARCH_PX = 3.0  # a quarter of a label, for what calibration and model leave over
 MAX_SEARCH_PX = 32.0  # a wider region costs more than the whole frame shrunk
@@ -133,6 +134,15 @@ class Tracker:
             measurement_age_s=time_s - self._seen_s,
             labels=0 if self.sighting is None else self.sighting.labels,
         )
+
+    def sighted_pose(self) -> LabelPose | None:
+        """The pose from the labels of the last frame alone; None if it showed too few."""
+        if self.sighting is None or self.sighting.labels < MIN_LABELS:
+            return None
+        pixels = self.sighting.found_px
+        found = np.isfinite(pixels[:, :1])
+        points = self.camera.to_plane(np.where(found, pixels, 0.0), self.layout.height_m)
+        return solve_pose(np.where(found, points, np.nan), self.layout)
 
     def _at(self, time_s: float) -> Gaussian:
         """The filtered state carried to a time, without keeping it."""
