@@ -39,6 +39,7 @@ NOISE = 1e-5  # singular values below this share of the largest are modes that f
 ROUNDING = 1e-6  # and those below this are rounding: 1e-9 of each of the 8000 numbers in H
 TRACTOR = (0, 1, 2, 4, 5, 6)  # differences that say nothing of the trailer
 TAIL_S = 20.0  # before the end, gains of recursions that run backwards from it are not yet steady
+STEADY = 1e-3  # m, rad, m/s and rad/s: a loop that moves by more at its fixed point has left it
 # At the fixed point speeds are constant, so a displaced command is reached at once: a ramp would
 # only add its square.
 NO_RAMPS = "robot.servo.acceleration_limit_rad_s2=1e5"
@@ -71,7 +72,7 @@ class Loop:
             scenario.believed_command_latency_s,
         )
         self._law.start(task)
-        self._heading_rad, self.k = reference.theta1_rad[:, 0], 0
+        self._reference, self.k = reference, 0
 
     def step(self) -> None:
         """One control period."""
@@ -80,16 +81,15 @@ class Loop:
         self._actuation.drive(self.plant, command.wheel_speed_rad_s)
         self.k += 1
 
-    def differences(self) -> FloatArray:
-        """(8, nsim/2) half of q and its rate in the first half of the simulations less the second.
-
-        In the turning frame.
-        """
-        state, heading = self.plant.state(), self._heading_rad[self.k]
-        parts = [0.5 * np.subtract(*np.split(part, 2)) for part in (state.q, state.q_rate)]
+    def errors(self) -> FloatArray:
+        """(nsim, 8) of q and its rate, in the turning frame."""
+        state, k = self.plant.state(), self.k
+        parts = [state.q - self._reference.q[k], state.q_rate - self._reference.q_rate[k]]
         for part in parts:
-            part[:, :2] = np.column_stack(to_body(np.array(heading), *part[:, :2].T))
-        return np.concatenate(parts, axis=1).T
+            part[:, :2] = np.column_stack(
+                to_body(self._reference.theta1_rad[k], part[:, 0], part[:, 1])
+            )
+        return np.concatenate(parts, axis=1)
 
 
 def displaced(state: RobotState) -> RobotState:
@@ -100,17 +100,26 @@ def displaced(state: RobotState) -> RobotState:
     return RobotState(q=q + by[:, :4], q_rate=q_rate(q + by[:, :4], rate + by[:, 4:]))
 
 
-def responses(scenario: Scenario, settle: int, follow: int) -> FloatArray:
-    """(follow, 8, 7) differences after a displacement at sample `settle`, a period apart."""
+def responses(scenario: Scenario, settle: int, follow: int, trailer: bool) -> FloatArray | None:
+    """(follow, 8 or 6, 7) to what was displaced at sample `settle`, a period apart.
+
+    None: the loop was not at its fixed point then.
+    """
     loop = Loop(scenario, 2 * DISPLACED)
+    last: list[FloatArray] = []
+    seen = slice(None) if trailer else list(TRACTOR)
     for _ in range(settle):
         loop.step()
+        last = [*last[1 - FADE :], loop.errors()[0, seen]]
+    if not np.nan_to_num(np.ptp(last, axis=0), nan=np.inf).max() < STEADY:
+        return None
     loop.plant.reset(displaced(loop.plant.state()))
     found = []
     for _ in range(follow):
-        found.append(loop.differences())
+        forth, back = np.split(loop.errors(), 2)
+        found.append(0.5 / DISPLACEMENT * (forth - back)[:, seen].T)
         loop.step()
-    return np.array(found) / DISPLACEMENT
+    return np.array(found)
 
 
 def realised(y: FloatArray) -> FloatArray:
@@ -134,10 +143,10 @@ def moduli(scenario: Scenario, settle_s: float, *, trailer: bool = True) -> Floa
         trailer: False: of the tractor alone, which moves as if there were no trailer.
     """
     settle = round(settle_s / scenario.control.sampling_time_s)
-    y = responses(scenario, settle, FADE + 2 * BLOCKS * STRIDE)[FADE::STRIDE]
-    if not np.abs(y).max() < math.inf:
+    y = responses(scenario, settle, FADE + 2 * BLOCKS * STRIDE, trailer)
+    if y is None:
         return np.array([math.inf])
-    strides = np.linalg.eigvals(realised(y if trailer else y[:, TRACTOR]))
+    strides = np.linalg.eigvals(realised(y[FADE::STRIDE]))
     return np.asarray(np.sort(np.abs(strides))[::-1] ** (1.0 / STRIDE))
 
 
