@@ -122,7 +122,7 @@ def test_a_resolved_train_loads_back_and_its_first_trailer_can_be_set(tmp_path: 
         ),
         (
             {**TABLES, "trailers": [TABLES["trailers"][0], {"yaw_inertia_kg_m2": 1e-6}]},
-            "robot.trailers.1.yaw_inertia_kg_m2: got 1e-06; impossible",
+            "robot.trailers.1.yaw_inertia_kg_m2: got 1e-06; the wheels and casters",
         ),
         (
             {"casters": {"mass_kg": 0.4}},

@@ -17,7 +17,8 @@ class Lump:
     mass_kg: float  # its mass
     x_m: float  # of its COM, along the long axis
     yaw_inertia_kg_m2: float  # about its own COM
-    aside_m: float = 0.0  # distance of its COM from that axis
+    aside_m: float = 0.0  # distance of its COM from that axis; its twin is as far on the other side
+    y_m: float = 0.0  # of the COM, to the left of that axis, of what has no twin
 
 
 def wheel_inertia(robot: RobotParameters) -> tuple[float, float]:
@@ -55,9 +56,11 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
             allowed=f"more than {taken:g} kg, or lighter wheels and casters",
         )
     x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
-    inertia = whole.yaw_inertia_kg_m2 - mass * (x - whole.x_m) ** 2
+    y = whole.mass_kg * whole.y_m / mass  # the parts' middle is on the axis
+    inertia = whole.yaw_inertia_kg_m2 - mass * ((x - whole.x_m) ** 2 + (y - whole.y_m) ** 2)
     for part in parts:
-        lever_squared = (part.x_m - whole.x_m) ** 2 + part.aside_m**2
+        # (a − y)² of one twin and (a + y)² of the other: a² + y² each
+        lever_squared = (part.x_m - whole.x_m) ** 2 + part.aside_m**2 + whole.y_m**2
         inertia -= part.yaw_inertia_kg_m2 + part.mass_kg * lever_squared
     if inertia <= 0:
         needed = whole.yaw_inertia_kg_m2 - inertia
@@ -67,7 +70,7 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
             got=f"{whole.yaw_inertia_kg_m2:g}",
             allowed="more than that, or lighter wheels and casters",
         )
-    return Lump(mass, x, inertia)
+    return Lump(mass, x, inertia, y_m=y)
 
 
 def tractor_chassis(robot: RobotParameters) -> Lump:
@@ -85,6 +88,6 @@ def trailer_chassis(robot: RobotParameters, index: int = 0) -> Lump:
     trailer, casters = robot.trailers[index], robot.casters
     x = -trailer.com_offset_m
     caster = Lump(casters.mass_kg, x, ball_inertia(robot), casters.trailer_half_spacing_m)
-    whole = Lump(trailer.mass_kg, x, trailer.yaw_inertia_kg_m2)
+    whole = Lump(trailer.mass_kg, x, trailer.yaw_inertia_kg_m2, y_m=trailer.com_lateral_m)
     table = f"robot.trailers.{index}" if index else "robot.trailer"
     return chassis_remainder(whole, [caster, caster], table)

@@ -4,6 +4,7 @@ Every model in this package, analytic or MuJoCo, is built from one `RobotParamet
 checked here, on input; the rest of the package trusts them.
 """
 
+import math
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
@@ -90,6 +91,13 @@ class Trailer(Config):
         le=10,
         description="l: distance from its hitch backward to the COM; Table I: 0.141",
     )
+    com_lateral_m: float = Field(
+        default=0.0,
+        ge=-10,
+        le=10,
+        description="distance of the COM from the trailer's axis to its left; at most to a "
+        "caster, typically 0.005",
+    )
     next_hitch_offset_m: float | None = Field(
         default=None,
         gt=0,
@@ -101,12 +109,22 @@ class Trailer(Config):
     @property
     def swing_length_m(self) -> float:
         """K = l + J2/(m2·l) (Eq. 24): from its hitch to its centre of oscillation."""
-        return self.com_offset_m + self.yaw_inertia_kg_m2 / (self.mass_kg * self.com_offset_m)
+        return self.com_distance_m + self.yaw_inertia_kg_m2 / (self.mass_kg * self.com_distance_m)
 
     @property
     def swing_inertia_kg_m2(self) -> float:
         """J2 + m2·l² = m2·l·k (Eq. 17): its yaw inertia about its hitch."""
-        return self.yaw_inertia_kg_m2 + self.mass_kg * self.com_offset_m**2
+        return self.yaw_inertia_kg_m2 + self.mass_kg * self.com_distance_m**2
+
+    @property
+    def com_distance_m(self) -> float:
+        """From its hitch to its COM: l of every equation, where the load is not on the axis."""
+        return math.hypot(self.com_offset_m, self.com_lateral_m)
+
+    @property
+    def lean_rad(self) -> float:
+        """β: the COM is on the line from the hitch in the direction of θ2 − β, behind it."""
+        return math.atan2(self.com_lateral_m, self.com_offset_m)
 
 
 class Hitch(Config):
@@ -127,6 +145,12 @@ class Hitch(Config):
         ge=0,
         le=1e4,
         description="c_t: coefficient of damper and viscous friction; typically 0.001",
+    )
+    play_m: float = Field(
+        default=0.0,
+        ge=0,
+        le=0.1,
+        description="radial clearance of the pin in its hole (contact plant only); typically 2e-4",
     )
     coulomb_friction_n_m: float = Field(
         default=0.0,
@@ -292,6 +316,11 @@ class RobotParameters(Config):
         return self.trailer.swing_inertia_kg_m2
 
     @property
+    def lean_rad(self) -> float:
+        """The first trailer's β: its load swings as if it were at θ2 − β."""
+        return self.trailer.lean_rad
+
+    @property
     def half_track_m(self) -> float:
         """b: half the distance between the wheels (Table I)."""
         return 0.5 * self.tractor.track_width_m
@@ -324,12 +353,12 @@ class RobotParameters(Config):
         for i, trailer in enumerate(self.trailers[:-1]):
             if trailer.next_hitch_offset_m is None:
                 raise _refused(("trailers", i, "next_hitch_offset_m"), None)
-        if abs(self.tractor.wheel_radius_difference_m) > (most := self.tractor.wheel_radius_m):
-            place, got = (
-                ("tractor", "wheel_radius_difference_m"),
-                str(self.tractor.wheel_radius_difference_m),
-            )
-            raise _refused(place, got, f"between -{most:g} and {most:g}, the mean radius")
+        radius, spacing = self.tractor.wheel_radius_m, self.casters.trailer_half_spacing_m
+        _within(
+            radius, self.tractor.wheel_radius_difference_m, "tractor", "wheel_radius_difference_m"
+        )
+        for i, trailer in enumerate(self.trailers):
+            _within(spacing, trailer.com_lateral_m, "trailers", i, "com_lateral_m")
         if len(self.hitches) != (count := len(self.trailers)):
             allowed = f"as many as there are trailers, {count}"
             raise _refused(("hitches",), len(self.hitches), allowed)
@@ -380,6 +409,11 @@ def merged(under: Any, over: Any) -> Any:
         case (list() | tuple(), list() | tuple()) if len(under) == len(over):
             return [merged(*pair) for pair in zip(under, over, strict=True)]
     return over
+
+
+def _within(most: float, value: float, *place: str | int) -> None:
+    if abs(value) > most:
+        raise _refused(place, value, f"between -{most:g} and {most:g}")
 
 
 def _refused(place: tuple[str | int, ...], got: Any, allowed: str = "") -> ValidationError:

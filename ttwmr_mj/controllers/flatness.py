@@ -76,8 +76,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
         path, options, nsim = task.path_ahead, self._options, task.nsim
         assert path.flat_derivatives is not None, "path_faults looks for it"
         flat = path.flat_derivatives
-        direction, _ = trailer_axes(path.theta2_rad[0])
-        self._length = self._robot.swing_length_m
+        self._length, self._lean = self._robot.swing_length_m, self._robot.lean_rad
+        direction, _ = trailer_axes(path.theta2_rad[0] - self._lean)
         self._wheels = AccelerationToWheels(self._robot, self._period, nsim)
         # a and a', the states of the chain
         along = acceleration_along(path)
@@ -98,7 +98,8 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law."""
         now = self._observer.update(estimate)
-        theta2, rate, T, length = now.body[:, 3], now.body[:, 4], self._period, self._length
+        theta2, rate = now.body[:, 3] - self._lean, now.body[:, 4]
+        T, length = self._period, self._length
         d, g = now.unexplained + self._hitch(now), now.influence[:, GRAVITY]
         self._change_way(k, now)
         s, error = self._fourth_derivative(k, now, d)
@@ -141,9 +142,10 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
     ) -> tuple[FloatArray, ComplexArray]:
         """Choice s (nsim, 2) [m/s⁴], and e (nsim,) [m] in the trailer's frame, a complex number."""
         reference = self._ways.reference(k)
-        theta2, rate, a, kd = now.body[:, 3], now.body[:, 4], self._along, self._length * d
+        theta2, rate = now.body[:, 3] - self._lean, now.body[:, 4]
+        a, kd = self._along, self._length * d
         t, n = trailer_axes(theta2)
-        e = point_behind(now.body, self._length) - reference[:, 0]
+        e = point_behind(now.body, self._length, self._lean) - reference[:, 0]
         e1 = velocity_behind(self._velocity(now), theta2, rate, self._length) - reference[:, 1]
         g = now.influence[:, GRAVITY]
         e2 = g + a[:, None] * t - kd[:, None] * n - reference[:, 2]
@@ -181,7 +183,7 @@ class Flatness(SteeringLaw["FlatnessOptions"]):
             (nsim,) where a had come too close to zero.
         """
         change = self._velocity(after) - self._velocity(now)
-        t, _ = trailer_axes(0.5 * (now.body[:, 3] + after.body[:, 3]))
+        t, _ = trailer_axes(0.5 * (now.body[:, 3] + after.body[:, 3]) - self._lean)
         pull = dot(now.influence[:, GRAVITY], t)
         possible = dot(change, t) / self._period - pull + self._length * after.body[:, 4] ** 2
         cut = command.saturated

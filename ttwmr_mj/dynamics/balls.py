@@ -7,6 +7,8 @@ Both act at its point of contact, against the ball's velocity over the floor, wh
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import Value, to_body
@@ -16,14 +18,29 @@ from ttwmr_mj.state import FloatArray
 FADING_M_S = 1e-4  # resistance fades below this speed, where its direction is undefined
 
 
-def ball_loads(robot: RobotParameters, weight_m_s2: float) -> tuple[float, float]:
-    """Loads [N] of the nose's ball and of one of the first trailer's, standing.
+class Forces(NamedTuple):
+    """Against the motion of the nose's ball and of the trailer's; one each, or (nsim,) [N]."""
 
-    The trailer's balls are below its COM and carry it alone.
+    nose: Value
+    right: Value
+    left: Value
+
+
+def ball_loads(robot: RobotParameters, weight_m_s2: float) -> tuple[float, float, float]:
+    """Loads [N] of the nose's ball and of the first trailer's (right, left), standing.
+
+    The trailer's balls are beside its COM and carry it alone.
     """
     tractor, trailer = robot.tractor, robot.trailer
     nose = tractor.mass_kg * tractor.com_offset_m / robot.casters.tractor_position_m
-    return nose * weight_m_s2, 0.5 * trailer.mass_kg * weight_m_s2
+    aside = 0.5 * trailer.com_lateral_m / robot.casters.trailer_half_spacing_m
+    weight = trailer.mass_kg * weight_m_s2
+    return nose * weight_m_s2, (0.5 - aside) * weight, (0.5 + aside) * weight
+
+
+def held_back(robot: RobotParameters, lever_m: Value, weight_m_s2: float) -> Forces:
+    """Forces [N] that hold back the nose's ball and the trailer's (right, left) as they roll."""
+    return Forces(*(resistance(robot, lever_m, n) for n in ball_loads(robot, weight_m_s2)))
 
 
 def resistance(robot: RobotParameters, lever_m: Value, load_n: float) -> Value:
@@ -37,20 +54,22 @@ def resisting_torque(
     p_speed: tuple[FloatArray, Value],
     theta2_rate: FloatArray,
     robot: RobotParameters,
+    forces: Forces,
     fading_m_s: float = FADING_M_S,
 ) -> FloatArray:
-    """(nsim,) torque about P on the trailer per force that holds back each of its balls [m].
+    """(nsim,) torque about P [N·m] of what holds back the trailer's balls.
 
     Args:
         hitch_rad: (nsim,) θ2 − θ1.
         p_speed: velocity of P ahead and to the left in the tractor's frame [m/s].
         theta2_rate: (nsim,) [rad/s].
         robot: where its balls are.
+        forces: that hold them back [N], or anything in proportion.
         fading_m_s: a slower ball is held back by less.
     """
     along, across = to_body(hitch_rad, *p_speed)
     across = across - robot.trailer.com_offset_m * theta2_rate
-    return torque_about_p(along, across, theta2_rate, robot, fading_m_s)
+    return torque_about_p(along, across, theta2_rate, robot, forces, fading_m_s)
 
 
 def torque_about_p(
@@ -58,14 +77,15 @@ def torque_about_p(
     across_m_s: FloatArray,
     theta2_rate: FloatArray,
     robot: RobotParameters,
+    forces: Forces,
     fading_m_s: float = FADING_M_S,
 ) -> FloatArray:
-    """The same, of the velocity of the trailer's COM along the trailer and to its left."""
+    """The same, of the velocity of the balls' middle along the trailer and to its left."""
     length, spacing = robot.trailer.com_offset_m, robot.casters.trailer_half_spacing_m
     torque = np.zeros_like(along_m_s)
-    for side in (-spacing, spacing):
+    for side, force in ((-spacing, forces.right), (spacing, forces.left)):
         ahead, left = direction(along_m_s - side * theta2_rate, across_m_s, fading_m_s)
-        torque += length * left + side * ahead
+        torque += force * (length * left + side * ahead)
     return torque
 
 

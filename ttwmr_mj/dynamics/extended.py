@@ -29,7 +29,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.balls import ball_loads, direction, resistance, resisting_torque
+from ttwmr_mj.dynamics.balls import Forces, direction, held_back, resisting_torque
 from ttwmr_mj.dynamics.ground import LEVEL, Ground, Pull
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
@@ -159,10 +159,11 @@ class ExtendedModel:
         ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate, pull)
         push = self._push(ideal, self._theta2_acceleration(ideal))
         u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
-        reach = self._tail / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
-        theta2_rate = swing_rate - reach * np.sin(hitch)
+        tail, lean = self._tail
+        reach = tail / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
+        theta2_rate = swing_rate - reach * np.sin(hitch - lean)
         turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, theta2_rate=theta2_rate))
-        turning += reach * np.cos(hitch) * (theta2_rate - u2)
+        turning += reach * np.cos(hitch - lean) * (theta2_rate - u2)
         velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
         return np.stack([*velocity, u2, theta2_rate, turning])
 
@@ -223,16 +224,21 @@ class ExtendedModel:
         return 2.0 * ROLLING_SHARE * self.values["caster_mass_kg"]
 
     @property
-    def _tail(self) -> Value:
-        """First moment about P that the trailer and its rolling balls pull with [kg·m]."""
-        return (self.robot.trailer.mass_kg + self._balls) * self.robot.trailer.com_offset_m
+    def _tail(self) -> tuple[Value, Value]:
+        """First moment about P that the trailer and its rolling balls pull with [kg·m].
+
+        And the angle off the trailer's axis that it acts at (`robot.lean_rad`, without the balls).
+        """
+        trailer = self.robot.trailer
+        along = (trailer.mass_kg + self._balls) * trailer.com_offset_m
+        aside = trailer.mass_kg * trailer.com_lateral_m
+        return np.hypot(along, aside), np.arctan2(aside, along)
 
     @property
-    def _held_back(self) -> tuple[Value, Value]:
-        """Forces [N] that hold back the nose's ball and each of the trailer's."""
-        nose, tail = ball_loads(self.robot, self.ground.normal_gravity_m_s2)
-        lever = self.values["rolling_resistance_m"]
-        return resistance(self.robot, lever, nose), resistance(self.robot, lever, tail)
+    def _held_back(self) -> Forces:
+        """What holds back the balls."""
+        lever, weight = self.values["rolling_resistance_m"], self.ground.normal_gravity_m_s2
+        return held_back(self.robot, lever, weight)
 
     def _hitch_torque(self, motion: _Motion) -> FloatArray:
         """(nsim,) torque of spring and damper on the trailer [N·m]."""
@@ -245,11 +251,12 @@ class ExtendedModel:
         slip = self.values["slip_time_s"]
         ahead = u1_rate + slip * u1 * u2**2
         left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
-        torque = self._tail * sideways(hitch, ahead, left)
-        torque -= first_moments(self.robot)[1] * sideways(hitch, *pull)
+        tail, lean = self._tail
+        torque = tail * sideways(hitch - lean, ahead, left)
+        torque -= first_moments(self.robot)[1] * sideways(hitch - self.robot.lean_rad, *pull)
         p_speed = u1, -slip * u1 * u2
-        held_back = resisting_torque(hitch, p_speed, motion.theta2_rate, self.robot)
-        torque += self._hitch_torque(motion) + self._held_back[1] * held_back
+        torque += self._hitch_torque(motion)
+        torque += resisting_torque(hitch, p_speed, motion.theta2_rate, self.robot, self._held_back)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
     def _push(self, motion: _Motion, swing: FloatArray) -> FloatArray:
@@ -258,17 +265,18 @@ class ExtendedModel:
         tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
         nose, tail = first_moments(self.robot)
         cos, sin = np.cos(hitch), np.sin(hitch)
+        swung = hitch - self.robot.lean_rad
         force = (tractor.mass_kg + trailer.mass_kg) * (u1_rate - pull.ahead) - nose * u2**2
-        force += tail * (sin * swing + cos * theta2_rate**2)
+        force += tail * (np.sin(swung) * swing + np.cos(swung) * theta2_rate**2)
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
         torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + self._hitch_torque(motion)
         # what holds back the nose's ball, and the trailer's two as far as they drag P along
-        nose_drag, tail_drag = self._held_back
+        drag = self._held_back
         ahead, aside = direction(u1, casters.tractor_position_m * u2)
-        force += nose_drag * ahead
-        torque += nose_drag * casters.tractor_position_m * aside
+        force += drag.nose * ahead
+        torque += drag.nose * casters.tractor_position_m * aside
         along, across = direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
-        force += 2.0 * tail_drag * (along * cos + across * sin)
+        force += (drag.right + drag.left) * (along * cos + across * sin)
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
 

@@ -63,8 +63,9 @@ def motion_from_flat(
     bent = given[..., 2:] if pull is None else given[..., 2:] - _complex(pull)
     pulled = np.moveaxis(bent, -1, 0)
     trailer = _logarithm(sign * pulled)
+    direction = _turning(trailer.imag)
     theta2 = trailer.imag
-    direction = _turning(theta2)
+    theta2[0] += robot.lean_rad
     position = points[:-2] + robot.swing_length_m * direction
     tractor = _logarithm(position[1:])
     theta1 = tractor.imag
@@ -81,16 +82,19 @@ def centre_derivatives(
     position: FloatArray, theta2: FloatArray, robot: RobotParameters
 ) -> FloatArray:
     """F = P − k·(cos θ2, sin θ2) and its derivatives (..., m, 2), from P's and θ2's (..., m)."""
-    direction = _turning(np.moveaxis(theta2, -1, 0))
+    swung = np.moveaxis(theta2, -1, 0).copy()
+    swung[0] -= robot.lean_rad
+    direction = _turning(swung)
     return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
 
 
-def point_behind(q: FloatArray, distance_m: float) -> FloatArray:
+def point_behind(q: FloatArray, distance_m: float, lean_rad: float = 0.0) -> FloatArray:
     """(..., 2) the trailer's point at P − distance·t, for q (..., 3 + n) [m]; NaN where θ2 is.
 
-    At a distance k it is F, the flat output; at l the trailer's COM.
+    At a distance k it is F, the flat output; at l the trailer's COM. Where the load is off the
+    axis, t is turned by its lean (`robot.lean_rad`).
     """
-    along, _ = trailer_axes(q[..., THETA2])
+    along, _ = trailer_axes(q[..., THETA2] - lean_rad)
     return q[..., :2] - distance_m * along
 
 

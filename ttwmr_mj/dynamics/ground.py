@@ -5,12 +5,13 @@ the floor and g·sin(slope) pulls along it, downhill.
 """
 
 import math
-from typing import NamedTuple
+from typing import Annotated, NamedTuple
 
 import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.dynamics.kinematics import to_body
+from ttwmr_mj.dynamics.regions import Region
 from ttwmr_mj.robot import Config
 from ttwmr_mj.state import FloatArray
 
@@ -32,6 +33,12 @@ class Ground(Config):
     )
     downhill_rad: float = Field(
         default=0.0, ge=-100, le=100, description="direction in which the floor falls, from +x"
+    )
+
+    regions: Annotated[tuple[Region, ...], Field(strict=False)] = Field(
+        default=(),
+        description="parts with a friction of their own (contact plant only), the last on top; "
+        "elsewhere it is plant.contact.floor_friction",
     )
 
     @property

@@ -24,7 +24,8 @@ def trailer_acceleration(
     goes with (u̇1, u1·u2). θ2 and the result are (...) [rad, rad/s²]. On a slope, gravity's pull
     along the floor is taken off the acceleration: v − g_p stands for v.
     """
-    pull = sideways(theta2_rad, acceleration_m_s2[..., 0], acceleration_m_s2[..., 1])
+    swung = theta2_rad - robot.lean_rad
+    pull = sideways(swung, acceleration_m_s2[..., 0], acceleration_m_s2[..., 1])
     return np.asarray(pull / robot.swing_length_m + hitch_torque_n_m / robot.swing_inertia_kg_m2)
 
 

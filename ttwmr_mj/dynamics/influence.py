@@ -11,7 +11,8 @@ as if gravity pulled along −v̂. The hitch's dry and viscous friction act agai
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import ball_loads, resistance, torque_about_p
+from ttwmr_mj.dynamics.balls import Forces, torque_about_p
+from ttwmr_mj.dynamics.balls import held_back as forces_on_balls
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -21,12 +22,16 @@ DRAG, DRY, VISCOUS = 2, 3, 4  # c [m/s²], dry friction [rad/s²], viscous frict
 INFLUENCES = 5
 FADING_M_S = 1e-3  # a trailer slower than this is held back by less: no direction jumps at rest
 
+EVENLY = Forces(0.0, 0.5, 0.5)  # a law does not ask which of the trailer's balls resists more
+
 
 def influence_of(robot: RobotParameters, ground: Ground) -> FloatArray:
     """(5,) what acts on the first trailer of a robot whose numbers are all known."""
-    casters, hitch, inertia = robot.casters, robot.hitch, robot.swing_inertia_kg_m2
-    _, load = ball_loads(robot, ground.normal_gravity_m_s2)
-    drag = 2.0 * resistance(robot, casters.rolling_resistance_m, load) / robot.trailer.mass_kg
+    hitch, inertia = robot.hitch, robot.swing_inertia_kg_m2
+    _, right, left = forces_on_balls(
+        robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2
+    )
+    drag = (right + left) / robot.trailer.mass_kg
     friction = hitch.coulomb_friction_n_m / inertia, hitch.damping_n_m_s_rad / inertia
     return np.array([*ground.gravity_m_s2, drag, *friction])
 
@@ -47,5 +52,5 @@ def held_back(
         turn_rad_s: θ̇2.
         robot: where the balls are: on either side of the COM.
     """
-    torque = torque_about_p(along_m_s, across_m_s, turn_rad_s, robot, FADING_M_S)
-    return np.asarray(0.5 * drag_m_s2 * torque / robot.trailer.com_offset_m)
+    torque = torque_about_p(along_m_s, across_m_s, turn_rad_s, robot, EVENLY, FADING_M_S)
+    return np.asarray(drag_m_s2 * torque / robot.trailer.com_distance_m)

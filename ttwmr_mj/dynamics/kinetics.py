@@ -22,9 +22,12 @@ from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 
 def first_moments(robot: RobotParameters) -> tuple[float, float]:
-    """m1·a1 of the tractor and m2·l of the trailer about P [kg·m]."""
+    """m1·a1 of the tractor and m2·l of the trailer about P [kg·m].
+
+    The trailer's acts at θ2 − β, the direction of its COM (`robot.lean_rad`).
+    """
     tractor, trailer = robot.tractor, robot.trailer
-    return tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * trailer.com_offset_m
+    return tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * trailer.com_distance_m
 
 
 def kinetic_energy(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArray:
@@ -35,7 +38,7 @@ def kinetic_energy(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) ->
 def mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """M(q) of Eq. 18, (..., 4, 4) [kg, kg·m, kg·m²], symmetric positive definite."""
     nose, tail = first_moments(robot)
-    theta1, theta2 = q[..., THETA1], q[..., THETA2]
+    theta1, theta2 = q[..., THETA1], q[..., THETA2] - robot.lean_rad
     M = np.zeros((*q.shape[:-1], 4, 4))
     M[..., 0, 0] = M[..., 1, 1] = robot.tractor.mass_kg + robot.trailer.mass_kg
     M[..., 0, 2] = M[..., 2, 0] = -nose * np.sin(theta1)
@@ -51,7 +54,7 @@ def bias(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArra
     """V(q, q̇) of Eq. 18, (..., 4) [N, N, N·m, N·m]: centripetal terms of Eq. 14-15, no torques."""
     nose, tail = first_moments(robot)
     forward, backward = nose * q_rate[..., THETA1] ** 2, tail * q_rate[..., THETA2] ** 2
-    theta1, theta2 = q[..., THETA1], q[..., THETA2]
+    theta1, theta2 = q[..., THETA1], q[..., THETA2] - robot.lean_rad
     V = np.zeros_like(q)
     V[..., 0] = backward * np.cos(theta2) - forward * np.cos(theta1)
     V[..., 1] = backward * np.sin(theta2) - forward * np.sin(theta1)
@@ -70,7 +73,7 @@ def gravity(q: FloatArray, gravity_m_s2: FloatArray, robot: RobotParameters) -> 
     mass = robot.tractor.mass_kg + robot.trailer.mass_kg
     G[..., 0], G[..., 1] = -mass * x, -mass * y
     G[..., 2] = -nose * to_body(q[..., THETA1], x, y)[1]
-    G[..., 3] = tail * to_body(q[..., THETA2], x, y)[1]
+    G[..., 3] = tail * to_body(q[..., THETA2] - robot.lean_rad, x, y)[1]
     return G
 
 
@@ -84,7 +87,7 @@ def reduced_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
     _, tail = first_moments(robot)
     mass = np.zeros((*q.shape[:-1], 3, 3))
     mass[..., 0, 0] = robot.tractor.mass_kg + robot.trailer.mass_kg
-    mass[..., 0, 2] = mass[..., 2, 0] = tail * np.sin(q[..., THETA2] - q[..., THETA1])
+    mass[..., 0, 2] = mass[..., 2, 0] = tail * np.sin(_load_angle(q, robot))
     mass[..., 1, 1] = _yaw_inertia(robot)
     mass[..., 2, 2] = robot.swing_inertia_kg_m2
     return mass
@@ -107,7 +110,7 @@ def published_bias(q: FloatArray, workspace_rate: FloatArray, robot: RobotParame
     `reduced_bias`.
     """
     nose, tail = first_moments(robot)
-    pull = tail * np.cos(q[..., THETA2] - q[..., THETA1])
+    pull = tail * np.cos(_load_angle(q, robot))
     theta1_rate, theta2_rate = workspace_rate[..., 1], workspace_rate[..., 2]
     ahead = pull * theta2_rate**2 - nose * theta1_rate**2
     return np.stack([ahead, nose * theta1_rate, -pull * theta1_rate], axis=-1)
@@ -163,3 +166,8 @@ def lateral_force(
 def _yaw_inertia(robot: RobotParameters) -> float:
     """J1 + m1·a1² of the tractor about P [kg·m²]."""
     return robot.tractor.yaw_inertia_kg_m2 + first_moments(robot)[0] * robot.tractor.com_offset_m
+
+
+def _load_angle(q: FloatArray, robot: RobotParameters) -> FloatArray:
+    """θ2 − β − θ1: the hitch angle of the line from the COM to P."""
+    return np.asarray(q[..., THETA2] - q[..., THETA1] - robot.lean_rad)

@@ -58,7 +58,7 @@ class SampledModel:
         self.reach_rad_s = servo.acceleration_limit_rad_s2 * period_s
         self.speed_limit_rad_s = servo.speed_limit_rad_s
         self._wheels = wheel_geometry(robot)
-        self._length = robot.swing_length_m
+        self._length, self._lean = robot.swing_length_m, robot.lean_rad
         self._robot = robot
         self._stiffness = robot.hitch.stiffness_n_m_rad / robot.swing_inertia_kg_m2  # [1/s²]
         self.influence = influence_of(robot, ground or Ground())
@@ -110,9 +110,10 @@ class SampledModel:
             x, y, theta1 = x + dx, y + dy, theta1 + turned
             new_vx, new_vy = to_world(theta1, speed, left)
             theta2 = theta2 + 0.5 * step * rate
-            kick = sideways(theta2, new_vx - vx, new_vy - vy)
+            swung = theta2 - self._lean
+            kick = sideways(swung, new_vx - vx, new_vy - vy)
             if sloping:
-                kick = kick - step * sideways(theta2, gx, gy)
+                kick = kick - step * sideways(swung, gx, gy)
             if resisted:
                 along, across = to_body(theta2, new_vx, new_vy)
                 across = across - self._robot.trailer.com_offset_m * rate

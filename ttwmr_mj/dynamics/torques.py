@@ -13,7 +13,7 @@ As in `kinetics`, functions work over any leading axes; ξ̇ = (ṡ, θ̇1, θ̇
 import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.balls import ball_loads, direction, resistance
+from ttwmr_mj.dynamics.balls import direction, held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.kinematics import to_body, to_world, twist_from_wheels, wheels_from_twist
@@ -94,18 +94,12 @@ def hitch_torque(q: FloatArray, workspace_rate: FloatArray, robot: RobotParamete
     return spring_damper_torque(angle, rate, robot.hitch) - dry
 
 
-def held_back(robot: RobotParameters, ground: Ground) -> tuple[float, float]:
-    """Force [N] that holds back the nose's ball, and each of the trailer's."""
-    lever = robot.casters.rolling_resistance_m
-    nose, tail = ball_loads(robot, ground.normal_gravity_m_s2)
-    return float(resistance(robot, lever, nose)), float(resistance(robot, lever, tail))
-
-
 def _balls(
     q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
-    force, (nose, tail) = np.zeros_like(workspace_rate), held_back(robot, ground)
-    if not (nose or tail):
+    force, lever = np.zeros_like(workspace_rate), robot.casters.rolling_resistance_m
+    nose, right, left_one = held_back(robot, lever, ground.normal_gravity_m_s2)
+    if not (nose or right or left_one):
         return force
     speed, turn1, turn2 = np.moveaxis(workspace_rate, -1, 0)
     reach = robot.casters.tractor_position_m
@@ -114,7 +108,8 @@ def _balls(
     force[..., 1] -= nose * reach * left
     hitch, length = q[..., THETA2] - q[..., THETA1], robot.trailer.com_offset_m
     along, across = to_body(hitch, speed, 0.0)
-    for side in (-robot.casters.trailer_half_spacing_m, robot.casters.trailer_half_spacing_m):
+    spacing = robot.casters.trailer_half_spacing_m
+    for side, tail in ((-spacing, right), (spacing, left_one)):
         ahead, left = direction(along - side * turn2, across - length * turn2, FADING_M_S)
         force[..., 0] -= tail * to_world(hitch, ahead, left)[0]
         force[..., 2] += tail * (length * left + side * ahead)

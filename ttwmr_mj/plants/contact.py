@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Drive, Firmware
+from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
+from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
@@ -65,6 +66,7 @@ class ContactPlant(Plant):
         self._robot, self._torque_input = robot, torque_input
         self._drive = Drive.of(robot.servo, torque_input=torque_input)
         self._firmware = Firmware(motor) if (motor := robot.servo.motor) else None
+        self._regions, self._elsewhere = ground.regions, options.floor_friction
         self._settled_qpos = self._settle()
         self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
@@ -74,6 +76,8 @@ class ContactPlant(Plant):
         self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
         self._balls = [int(self.model.body(name).id) for name in CASTERS]
+        self._touching = [int(self.model.body(name).id) for name in CONTACTS]
+        self._touching_geoms = [int(self.model.geom(name).id) for name in CONTACTS]
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
         self._contact_columns = _contact_columns(self.model)
@@ -87,8 +91,9 @@ class ContactPlant(Plant):
     def _settle(self) -> FloatArray:
         """(nq,) generalized positions of the robot standing still in its contacts at the origin.
 
-        It sinks and tilts about its y axis; nothing else may differ from the keyframe. Whatever
-        the floor's slope, it stands as if it were not pulled along.
+        It sinks and tilts about its y axis; nothing else may differ from the keyframe, but for a
+        load off the axis, which also tilts it about x. Whatever the floor's slope, it stands as if
+        it were not pulled along.
         """
         level = copy.copy(self.model)
         level.opt.gravity[:2] = 0.0
@@ -98,9 +103,10 @@ class ContactPlant(Plant):
         standing = np.array(qpos[0])
         alone.step(nstep=round(SETTLE_S / self.time_step_s))
         free = self._joints.free_qpos
-        height, tilt = free + HEIGHT, free + Y
-        standing[[height, tilt]] = np.round(qpos[0, [height, tilt]], SETTLED_DECIMALS)
-        standing[free + W] = np.sqrt(1.0 - standing[tilt] ** 2)
+        tilts = [free + Y, free + X] if self._robot.trailer.com_lateral_m else [free + Y]
+        sunk = [free + HEIGHT, *tilts]
+        standing[sunk] = np.round(qpos[0, sunk], SETTLED_DECIMALS)
+        standing[free + W] = np.sqrt(1.0 - (standing[tilts] ** 2).sum())
         return standing
 
     def reset(self, initial: RobotState) -> None:
@@ -120,6 +126,8 @@ class ContactPlant(Plant):
         # inputs that give no torque: of zero, servos would brake in the first readings
         self._control[:] = self._drive.back * self._setpoint
         self._batch.forward()
+        if self._regions:
+            self._feel_floor()
         self._roll_balls()
 
     def _roll_balls(self) -> None:
@@ -166,6 +174,8 @@ class ContactPlant(Plant):
 
         Wheel speeds [rad/s] are reached by the servos' ramp; wheel torques [N·m] act at once.
         """
+        if self._regions:
+            self._feel_floor()
         if self._torque_input:
             control = np.repeat(command[:, None], steps, axis=1)
         else:
@@ -190,6 +200,12 @@ class ContactPlant(Plant):
         passed = self._batch.rollout(inputs.shape[1], inputs, record=self._record)
         if passed:
             self._passed.append((passed["qpos"], passed["qvel"], inputs))
+
+    def _feel_floor(self) -> None:
+        """Give wheels and balls the friction of where they are now, until this is called again."""
+        places = self._body_position[:, self._touching, :2]
+        friction = friction_at(self._regions, places, self._elsewhere)
+        self._batch.expand("geom_friction")[:, self._touching_geoms, 0] = friction
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push the halves' chassis at their centres of mass.

@@ -8,17 +8,12 @@ import math
 
 import numpy as np
 
+from ttwmr_mj.dynamics.balls import held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import first_moments
-from ttwmr_mj.dynamics.torques import (
-    FADING_M_S,
-    FADING_RAD_S,
-    acceleration,
-    held_back,
-    spun_mass_matrix,
-)
+from ttwmr_mj.dynamics.torques import FADING_M_S, FADING_RAD_S, acceleration, spun_mass_matrix
 from ttwmr_mj.plants.base import EquationPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.robot import RobotParameters
@@ -101,9 +96,10 @@ def _stable_step_s(robot: RobotParameters, ground: Ground) -> float:
     # the trailer swings most easily with the tractor free to yield along the heading
     swinging = mass[2, 2] - first_moments(robot)[1] ** 2 / mass[0, 0]
     inertia = 1.0 / (1.0 / mass[1, 1] + 1.0 / swinging)
-    hitch, casters, (nose, tail) = robot.hitch, robot.casters, held_back(robot, ground)
+    hitch, casters = robot.hitch, robot.casters
+    forces = held_back(robot, casters.rolling_resistance_m, ground.normal_gravity_m_s2)
     lever = robot.trailer.com_offset_m**2 + casters.trailer_half_spacing_m**2
-    balls = nose * casters.tractor_position_m**2 + 2.0 * tail * lever
+    balls = forces.nose * casters.tractor_position_m**2 + (forces.right + forces.left) * lever
     damping = hitch.damping_n_m_s_rad + balls / FADING_M_S
     damping += hitch.coulomb_friction_n_m / FADING_RAD_S
     linear = np.array([[0.0, 1.0], [-hitch.stiffness_n_m_rad / inertia, -damping / inertia]])

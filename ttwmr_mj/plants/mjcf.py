@@ -5,7 +5,7 @@ import numpy as np
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
-from ttwmr_mj.dynamics.balls import ball_loads, resistance
+from ttwmr_mj.dynamics.balls import held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
@@ -57,6 +57,8 @@ def build_spec(
         _set_drives(spec, Drive.of(robot.servo, torque_input=torque_input))
         _set_contact(spec, options, ground)
         _hold_back(spec, robot, options, ground)
+        if robot.hitch.play_m > 0:
+            _loosen_pin(spec, robot.hitch.play_m, options.contact_time_constant_s)
     except AttributeError as error:
         raise InputError.at(
             "plant.contact.model_path",
@@ -77,15 +79,18 @@ def build_model(
     """The compiled laboratory with this robot in it; arguments and errors as of `build_spec`."""
     spec = build_spec(robot, options, ground, torque_input=torque_input)
     try:
-        return spec.compile()
+        model = spec.compile()
     except ValueError as error:
         raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
+    if robot.hitch.play_m > 0:
+        model.key_qpos[:] = model.qpos0  # the keyframes know nothing of the pin's two joints
+    return model
 
 
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
     body = spec.body(name)
     body.mass = lump.mass_kg
-    body.ipos = [lump.x_m, 0.0, 0.0]
+    body.ipos = [lump.x_m, lump.y_m, 0.0]
     body.inertia = lump.yaw_inertia_kg_m2 * np.array([ROLL_SHARE, ROLL_SHARE, 1.0])
 
 
@@ -114,7 +119,7 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
     spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
     spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
-    spec.site("trailer_com").pos = [behind, 0.0, 0.0]
+    spec.site("trailer_com").pos = [behind, robot.trailer.com_lateral_m, 0.0]
     half_width = tractor.wheel_half_width_m
     for name, radius in zip(WHEELS, tractor.wheel_radii_m, strict=True):
         geom = spec.geom(name)
@@ -178,9 +183,22 @@ def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -
 def _hold_back(
     spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions, ground: Ground
 ) -> None:
-    nose, tail = ball_loads(robot, ground.normal_gravity_m_s2)
-    for name in CASTERS:
-        load = nose if name == TRACTOR_CASTER else tail
-        force = float(resistance(robot, robot.casters.rolling_resistance_m, load))
+    lever, weight = robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2
+    for name, force in zip(CASTERS, held_back(robot, lever, weight), strict=True):
         if force > 0:
-            add_runner(spec, name, force, options.contact_time_constant_s)
+            add_runner(spec, name, float(force), options.contact_time_constant_s)
+
+
+def _loosen_pin(spec: mujoco.MjSpec, play_m: float, time_constant_s: float) -> None:
+    """Let the trailer's pin move in its hole, as far from P as a slack string would."""
+    trailer = spec.body("trailer")
+    for name, axis in (("play_x", [1.0, 0.0, 0.0]), ("play_y", [0.0, 1.0, 0.0])):
+        trailer.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis)
+    trailer.add_site(name="pin")
+    # a lower limit of zero length would pull, in no direction
+    limits = [-1.0, play_m]
+    string = spec.add_tendon(
+        name="play", limited=True, range=limits, solref_limit=[time_constant_s, 1.0]
+    )
+    string.wrap_site("P")
+    string.wrap_site("pin")

@@ -3,7 +3,8 @@
     φ̈ = (u1·u2·cos φ − u̇1·sin φ)/k − u̇2 + T/(J2 + m2·l²)          (Eq. 17, 24, 27-28)
 
 On a slope, gravity's pull along the floor is taken off the accelerations u̇1 and u1·u2 of P. T is
-the torque of the hitch and of balls that resist.
+the torque of the hitch and of balls that resist. A load off the trailer's axis swings at φ − β
+(`robot.lean_rad`).
 
 Classical fourth-order Runge-Kutta over stretches of time in which the tractor's accelerations are
 constant, and dry friction that truly sticks.
@@ -15,7 +16,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import FADING_M_S, ball_loads, resistance, resisting_torque
+from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
 from ttwmr_mj.dynamics.hybrid import sideways
@@ -87,14 +88,14 @@ class HitchSwing:
         self._damping = -float(law(zero, one, robot))  # [1/s]
         self._friction = robot.hitch.coulomb_friction_n_m / robot.swing_inertia_kg_m2  # [rad/s²]
         self._robot = robot
-        _, load = ball_loads(robot, ground.normal_gravity_m_s2)
-        held_back = float(resistance(robot, robot.casters.rolling_resistance_m, load))
-        self._held_back = held_back / robot.swing_inertia_kg_m2  # [1/(m·s²)], one ball
+        forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
+        self._forces = Forces(*(f / robot.swing_inertia_kg_m2 for f in forces))  # [1/(m·s²)]
         # as soft as the step needs it, lest a ball that is nearly at rest chatter
-        slowing = 2.0 * self._held_back * robot.trailer.com_offset_m**2  # [m/s²] of the COM
+        both = float(self._forces.right + self._forces.left)
+        slowing = both * robot.trailer.com_offset_m**2  # [m/s²] of the balls
         self._fading = max(FADING_M_S, slowing * longest_s)
         linear = np.array([[0.0, 1.0], [-self._stiffness, -self._damping]])
-        self.resisted = held_back > 0.0
+        self.resisted = both > 0.0
         fastest = float(np.abs(np.linalg.eigvals(linear)).max())
         self.longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
 
@@ -142,11 +143,11 @@ class HitchSwing:
         angle, rate = state
         node = round(2.0 * share)
         ahead = forcing.ahead[min(node, len(forcing.ahead) - 1)]
-        free = sideways(angle, ahead, forcing.left[node])
+        free = sideways(angle - self._robot.lean_rad, ahead, forcing.left[node])
         if self._stiffness or self._damping:
             free = free - (self._stiffness * angle + self._damping * rate)
         if forcing.twist is not None:
             u1, u2 = forcing.twist[:, node]
-            torque = resisting_torque(angle, (u1, 0.0), rate + u2, self._robot, self._fading)
-            free = free + self._held_back * torque
+            rest = self._robot, self._forces, self._fading
+            free = free + resisting_torque(angle, (u1, 0.0), rate + u2, *rest)
         return free

@@ -14,7 +14,12 @@ from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """(..., 2) the first trailer's COM, P − l·(cos θ2, sin θ2) [m]; NaN where θ2 of q is."""
-    return point_behind(q, robot.trailer.com_offset_m)
+    return point_behind(q, robot.trailer.com_distance_m, robot.lean_rad)
+
+
+def centre_of_oscillation(q: FloatArray, robot: RobotParameters) -> FloatArray:
+    """(..., 2) F of the first trailer, K behind P on the line through its COM [m]."""
+    return point_behind(q, robot.swing_length_m, robot.lean_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +55,7 @@ class Curves:
             tractor_error_m=_distance(rows.q[..., :2], rows.ref_q[..., :2]),
             trailer_error_m=_distance(com, ref_com),
             oscillation_error_m=_distance(
-                *(point_behind(q, robot.swing_length_m) for q in (rows.q, rows.ref_q))
+                *(centre_of_oscillation(q, robot) for q in (rows.q, rows.ref_q))
             ),
             theta_error_rad=wrap(rows.q[..., THETA1:] - rows.ref_q[..., THETA1:]),
             hitch_angle_rad=hitch_angles(rows.q)[..., 0],

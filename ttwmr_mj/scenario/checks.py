@@ -79,6 +79,18 @@ def _contact_only(scenario: Scenario) -> Iterable[Fault]:
     if scenario.output.physics_rate:
         problem = "only plant.kind = 'contact' has physics steps"
         yield Fault(key=("output", "physics_rate"), got="true", problem=problem)
+    yield from unknown_to_the_models(scenario)
+
+
+def unknown_to_the_models(scenario: Scenario) -> Iterable[Fault]:
+    """What the world has that only contact physics can drive in."""
+    problem = "only plant.kind = 'contact' knows of it"
+    for index, hitch in enumerate(scenario.robot.hitches):
+        if hitch.play_m:
+            table = ("robot", "hitches", str(index)) if index else ("robot", "hitch")
+            yield Fault(key=(*table, "play_m"), got=f"{hitch.play_m:g}", problem=problem)
+    if regions := scenario.ground.regions:
+        yield Fault(key=("ground", "regions"), got=f"{len(regions)} regions", problem=problem)
 
 
 def _frames(scenario: Scenario) -> Iterable[Fault]:
@@ -220,7 +232,10 @@ CHECKS = (
     Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
     Check(_belief, ("robot", "belief")),
     Check(_open_loop, ("reference", "initial")),
-    Check(_contact_only, ("plant.kind", "plant.pushes", "output")),
+    Check(
+        _contact_only,
+        ("plant.kind", "plant.pushes", "output", "robot.hitch", "robot.hitches", "ground"),
+    ),
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
     Check(_motor_timing, ("plant.kind", "robot.servo", "control", STEP)),

@@ -129,7 +129,7 @@ class Learner:
         t, n = trailer_axes(theta2)
         com = velocity_behind(velocity, theta2, body[:, 4], self._robot.trailer.com_offset_m)
         factors = np.empty((len(body), INFLUENCES))
-        factors[:, GRAVITY] = -n / k
+        factors[:, GRAVITY] = -trailer_axes(theta2 - self._robot.lean_rad)[1] / k
         along, across, one = dot(com, t), dot(com, n), np.ones(len(body))
         factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
         factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)

@@ -37,6 +37,7 @@ from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, wrap
 
 MAX_DELAY = 32  # periods, about a second at 33 ms; an older measurement is ignored
+LEARN_AFTER_S = 0.7  # before, a start off the reference and an unknown latency look like forces
 PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not last; 13 % of noise
 
 
@@ -70,6 +71,7 @@ class Observer:
     ) -> None:
         """Set up; what is told is the state so many periods ahead, when the next command acts."""
         self._ahead, self.latency = ahead, latency
+        self._updates, self._patience = 0, round(LEARN_AFTER_S / model.period_s)
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
@@ -80,6 +82,7 @@ class Observer:
     def update(self, estimate: Estimate) -> Observed:
         """The state now, after this sample's estimate."""
         past = self._past
+        self._updates += 1
         if not past:
             past.append(self._first(estimate.state))
             if self.latency is not None:
@@ -103,7 +106,7 @@ class Observer:
     def commanded(self, wheels: FloatArray) -> Observed:
         """Take note of the command for the coming period; returns the state expected after it."""
         now = self._past[-1]
-        if self.learner is not None:
+        if self.learner is not None and self._updates > self._patience:
             velocity = self._model.velocity(now.body, now.wheels, now.slip)
             self.learner.predict(now.body, velocity, self.hitch_rate(now))
         if self.latency is not None:
@@ -177,7 +180,7 @@ class Observer:
         # cut, not left out: an unexplained θ̈2 that is wrong must be able to come back
         cut = np.clip(miss[:, THETA2], -self._push_rad, self._push_rad)
         cut_rate = np.clip(drift[:, THETA2], -self._push_rad_s, self._push_rad_s)
-        if self.learner is None:
+        if self.learner is None or self._updates <= self._patience:
             more = change[0, THETA2] * cut + change[1, THETA2] * cut_rate
             return Observed(body, now.wheels, slip, now.unexplained + more, now.influence)
         gain = self.learner.gain(due)

@@ -116,7 +116,7 @@ class TrackingProblem:
 
     def centre(self, state: FloatArray) -> FloatArray:
         """(..., 2) F of states (..., 7)."""
-        return point_behind(state, self._length)
+        return point_behind(state, self._length, self._robot.lean_rad)
 
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray

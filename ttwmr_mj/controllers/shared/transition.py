@@ -128,9 +128,10 @@ class WaysBack:
         self, body: FloatArray, velocity: FloatArray, a: FloatArray, a_rate: FloatArray
     ) -> FloatArray:
         """(c, m, 4, 2) F and three derivatives of bodies (m, 5), for c choices of a and a'."""
-        length, rate = self._robot.swing_length_m, body[:, 4]
-        t, n = trailer_axes(body[:, 3])
-        F = point_behind(body, length), velocity_behind(velocity, body[:, 3], rate, length)
+        length, lean, rate = self._robot.swing_length_m, self._robot.lean_rad, body[:, 4]
+        theta2 = body[:, 3] - lean
+        t, n = trailer_axes(theta2)
+        F = point_behind(body, length, lean), velocity_behind(velocity, theta2, rate, length)
         second = a[:, None, None] * t
         third = a_rate[:, None, None] * t + (a[:, None] * rate)[..., None] * n
         known = (np.broadcast_to(values, second.shape) for values in F)

@@ -12,7 +12,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
-from ttwmr_mj.scenario.checks import physics_step_faults
+from ttwmr_mj.scenario.checks import physics_step_faults, unknown_to_the_models
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
@@ -114,6 +114,6 @@ def refuse_unlike(scenario: Scenario) -> None:
             "hitches differ by m2·l"
         )
         refuse("analytic", "published_spring", got="true", problem=problem, hint="set it to false")
-    faults += physics_step_faults(scenario)
+    faults += [*physics_step_faults(scenario), *unknown_to_the_models(scenario)]
     if faults:
         raise InputError(*faults, file=f"{scenario.name}, compared on both plants")

@@ -83,7 +83,7 @@ def _trailer_torque(run: ContactRun) -> FloatArray:
     robot, step = run.robot, run.scenario.plant.contact.timestep_s
     acceleration = np.diff(run.physics.q_rate, axis=0) / step
     acceleration[:, :2] -= run.scenario.ground.gravity_m_s2
-    theta2 = _mid_step(run.physics.q[:, THETA2])
+    theta2 = _mid_step(run.physics.q[:, THETA2]) - robot.lean_rad
     _, tail = first_moments(robot)
     swing = robot.swing_inertia_kg_m2 * acceleration[:, THETA2]
     pull = tail * sideways(theta2, acceleration[:, 0], acceleration[:, 1])
