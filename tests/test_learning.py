@@ -7,6 +7,7 @@ from typing import get_args
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 from ttwmr_mj.controllers.shared.learning import (
     FRICTION_RATE_RAD_S,
@@ -89,7 +90,7 @@ def watched(
 ) -> Observed:
     """What is seen of the analytic plant after some time of measurements, noise in OPTIONS."""
     rng = np.random.default_rng(8)
-    plant = AnalyticPlant(robot, 1, PERIOD, 0.0055, ground=ground)
+    plant = AnalyticPlant(robot, 1, PERIOD, 0.011, ground=ground)
     plant.reset(start)
     for k in range(periods):
         now = plant.state()
@@ -137,7 +138,7 @@ def test_only_what_is_asked_for_is_learned(name: Learnable) -> None:
 
 def test_everything_is_found_on_a_drive_that_excites_it() -> None:
     observer = watcher()
-    seen = watched(observer, wandering, 1800, RUBBING, SLOPE)
+    seen = watched(observer, wandering, 1000, RUBBING, SLOPE)
     assert observer.learner is not None
     std, truth = observer.learner.std()[0], influence_of(RUBBING, SLOPE)
     assert (np.abs(seen.influence[0] - truth) < 3.0 * std).all(), (seen.influence, truth, std)
@@ -170,6 +171,19 @@ def test_the_covariance_stays_symmetric_positive_and_below_the_prior() -> None:
         np.testing.assert_array_equal(filt.std()[2], before[2])
     # unseen, all is forgotten: back to the prior
     assert filt.std()[2] == pytest.approx(PRIOR_STD)
+
+
+def test_the_covariance_moves_as_the_linear_system_does() -> None:
+    rng, filt = np.random.default_rng(7), learner()
+    seen = rng.normal(size=(1, 5)), rng.normal(size=(1, 2)), rng.normal(size=1)
+    root = 0.1 * rng.normal(size=(KNOWN + INFLUENCES, KNOWN + INFLUENCES))
+    P = 1e-3 * root @ root.T  # below the prior
+    filt._covariance[0], G = P, np.zeros_like(P)
+    G[0, 1] = G[1, 2] = 1.0
+    G[1, KNOWN:] = filt._factors(*seen)[0]
+    A = expm(PERIOD * G)
+    filt.predict(*seen)
+    np.testing.assert_allclose(filt._covariance[0], A @ P @ A.T + filt._process, atol=1e-12)
 
 
 def test_forgetting_brings_the_prior_back_at_its_rate() -> None:

@@ -28,7 +28,8 @@ class LatencyFinder:
 
     Attributes:
         extra_s: (nsim,) how much later measurements are than told, as far as is known.
-        changed: (nsim,) whose latency the last measurement has moved by more than half a period.
+        changed: (nsim,) whose last measurement overthrew what had been believed, by a
+            quarter of a period or more.
     """
 
     def __init__(
@@ -148,6 +149,6 @@ class LatencyFinder:
         sure = news & (costs_now - cost > SURE)
         self._found |= sure
         refined = sure | (news & self._found & (best == believed))
-        found = np.where(refined, CANDIDATES[best] + shift * step, now)
-        self.changed = np.abs(found - now) > step
-        self.extra_s = found * self._period
+        found = (CANDIDATES[best] + shift * step) * self._period
+        self.changed = sure & (np.abs(found - self.extra_s) > 0.25 * self._period)
+        self.extra_s = np.where(refined, found, self.extra_s)

@@ -134,4 +134,4 @@ class Learner:
         factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
         factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)
         factors[:, VISCOUS] = -hitch_rate
-        return np.asarray(factors * self.places)
+        return factors
