@@ -18,6 +18,7 @@ from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
+from ttwmr_mj.scenario import worlds
 
 PAGES = sorted(Path(__file__).parent.glob("*.md"))
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
@@ -47,7 +48,26 @@ def options(model: type[Config]) -> str:
     return "\n".join(rows) + "\n"
 
 
+def lab() -> str:
+    """The laboratory's world."""
+    rows = ["| key | value | believed | reason |", "|---|---|---|---|"]
+    for known in (*worlds.LAB, *worlds.LAB_TRUTH):
+        value = "present" if isinstance(known.value, dict) else f"{known.value:g}"
+        believed = "the same" if known.believed is None else f"{known.believed:g}"
+        rows.append(f"| `{known.key}` | {value} | {believed} | {known.reason} |")
+    return "\n".join(rows) + "\n"
+
+
+def unkind() -> str:
+    """The unkind world."""
+    rows = ["| key | drawn from | why so much |", "|---|---|---|"]
+    rows += [f"| `{key}` | {range_} | {why} |" for key, range_, why in worlds.UNKIND]
+    return "\n".join(rows) + "\n"
+
+
 TABLES = {
+    "lab": lab,
+    "unkind": unkind,
     "controllers": lambda: kinds(CONTROLLERS),
     "references": lambda: kinds(REFERENCES),
     "verdicts": verdicts,

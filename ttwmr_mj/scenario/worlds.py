@@ -79,6 +79,41 @@ LATENCY_PERIODS = 1  # more or fewer than are told
 CAMERA_M = 0.005  # displacement after calibration
 CAMERA_RAD = math.radians(0.25)  # tilt after calibration
 
+UNKIND = (  # key, range and reason, for who reads
+    ("ground.slope_rad", f"0 to {SLOPE_RAD:.4f} (0.5°), downhill anywhere", "a floor as laid"),
+    (
+        "robot.casters.rolling_resistance_m",
+        f"0 to {ROLLING_M:g}",
+        "up to soft balls on a soft floor",
+    ),
+    ("robot.hitch.coulomb_friction_n_m", f"0 to {DRY_N_M:g}", "a pin dry, or bound by its load"),
+    (
+        "robot.trailer.com_offset_m",
+        f"the given one ± {LENGTH_SHARE:.0%}",
+        "a load put down by hand, to 7 mm",
+    ),
+    (
+        "robot.tractor.wheel_radius_m",
+        f"the given one ± {RADIUS_SHARE:.0%}",
+        "tyres worn or pressed by 0.26 mm",
+    ),
+    (
+        "sensing.latency_s",
+        "the given one (0.033 if none), one period less or more, or as it is",
+        "a pipeline of frames that nobody has measured",
+    ),
+    (
+        "sensing.camera.x_m, y_m",
+        f"within {CAMERA_M:g} of where it was calibrated",
+        "a tripod that was touched",
+    ),
+    (
+        "sensing.camera.roll_rad, pitch_rad",
+        f"within {CAMERA_RAD:.4f} (0.25°) of how it was calibrated",
+        "the same",
+    ),
+)
+
 
 def filled(given: Table) -> Table:
     """A scenario's table with what its world adds.
