@@ -6,14 +6,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ttwmr_mj.controllers.shared.observer import (
-    MAX_DELAY,
-    Observed,
-    Observer,
-    ObserverOptions,
-    chain_gains,
-    rolling_turn_rate,
-)
+from ttwmr_mj.controllers.shared.observer import MAX_DELAY, Observed, Observer, rolling_turn_rate
+from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, chain_gains, slip_std
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.sensing import Estimate
@@ -79,6 +73,8 @@ def test_gains_are_the_limit_of_the_kalman_filter() -> None:
             K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
             P = A @ (P - K @ C @ P) @ A.T + Q
         assert gain[:n, :, column] == pytest.approx(K, rel=1e-6)
+        if column < 2:  # right after a measurement
+            assert slip_std(o, T) ** 2 == pytest.approx((P - P @ C.T @ K.T)[1, 1], rel=1e-6)
         assert not gain[n:, :, column].any()
 
 

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 from scipy.optimize import least_squares
 from vision_scene import ROBOT, model
 
@@ -24,6 +25,7 @@ from ttwmr_mj.vision.tracking.motion import (
     STICTION_RATE_RAD_S,
     Gaussian,
     MotionModel,
+    exponential,
 )
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 from ttwmr_mj.vision.tracking.pose import label_jacobian, solve_pose
@@ -190,6 +192,38 @@ def test_covariance_follows_the_linearized_motion(hitch: dict[str, float]) -> No
     moved = after(MEAN, spread).covariance - after(MEAN, nothing).covariance
     # the error is of third order in 0.1 ms, times rates of up to 100/s
     assert moved == pytest.approx(transition @ spread @ transition.T, abs=1e-6)
+
+
+@pytest.mark.parametrize("norm", [0.0, 1e-3, 0.24, 0.26, 7.0, 140.0])
+def test_exponential_is_exact_to_rounding(norm: float) -> None:
+    """140: a hitch that settles in 1 ms, over two periods."""
+    matrix = np.random.default_rng(5).standard_normal((SIZE, SIZE))
+    matrix *= norm / np.abs(matrix).sum(axis=1).max()
+    matrix -= 0.5 * norm * np.eye(SIZE)  # decays, as what a hitch does
+    size = max(np.abs(expected := expm(matrix)).max(), 1.0)
+    # rounding, which every squaring may double: |A| of it
+    assert np.abs(exponential(matrix) - expected).max() < 4e-16 * max(norm, 4.0) * size
+
+
+@pytest.mark.parametrize("rate_1_s", [50.0, FASTEST_1_S])
+def test_a_stiff_damper_stops_the_swing_as_its_closed_form_says(rate_1_s: float) -> None:
+    damping = rate_1_s * ROBOT.swing_inertia_kg_m2
+    hitch = Hitch.model_construct(damping_n_m_s_rad=damping)
+    motion = MotionModel(ROBOT.model_copy(update={"hitch": hitch}), TrackerOptions())
+    history = CommandHistory(ROBOT)
+    history.tell(0.0, np.zeros(2), PERIOD_S)
+    ramps, nothing = list(history.ramps(0.0, PERIOD_S)), np.zeros((SIZE, SIZE))
+
+    def after(covariance: FloatArray) -> FloatArray:
+        still = Gaussian(0.0, np.zeros(SIZE), covariance)
+        return motion.predict(still, PERIOD_S, ramps).covariance
+
+    swinging = nothing.copy()
+    swinging[-1, -1] = 1.0
+    left = np.exp(-rate_1_s * PERIOD_S)
+    way = np.array([(1.0 - left) / rate_1_s, left])
+    spread = (after(swinging) - after(nothing))[np.ix_([3, -1], [3, -1])]
+    assert spread == pytest.approx(np.outer(way, way), rel=1e-9, abs=1e-16)
 
 
 def test_what_the_model_lacks_is_added_in_proportion_to_time() -> None:

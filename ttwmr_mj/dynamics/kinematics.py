@@ -113,6 +113,19 @@ def rolling_wheels(
     return np.asarray(speeds / radii)
 
 
+def arcs_between(position_m: FloatArray, theta1_rad: FloatArray) -> FloatArray:
+    """Path and turn (n − 1, ..., 2) of the arcs from each pose to the next [m, rad].
+
+    Args:
+        position_m: (n, ..., 2) of P.
+        theta1_rad: (n, ...) headings, unwrapped.
+    """
+    turn = np.diff(theta1_rad, axis=0)
+    middle, step = theta1_rad[:-1] + 0.5 * turn, np.diff(position_m, axis=0)
+    chord = step[..., 0] * np.cos(middle) + step[..., 1] * np.sin(middle)
+    return np.stack([chord / np.sinc(0.5 * turn / np.pi), turn], axis=-1)
+
+
 def to_world(
     heading_rad: FloatArray, ahead: FloatArray, left: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:

@@ -18,7 +18,7 @@ from ttwmr_mj.state import THETA1, BoolArray, FloatArray, wrap
 CANDIDATES = np.arange(-1.5, 3.75, 0.5)  # extra latencies, in periods
 MEMORY_S = 8.0  # differences fade in this time
 BIAS_S = 0.7  # and what is taken off them follows in this
-SURE = 20.0  # by how much a latency must explain better than the one believed: odds of e^10
+SURE = 12.0  # by how much a latency must explain better than the one believed: odds of e^6
 BEFORE = 5  # periods before the first command, in which the wheels turn as at the start
 ROWS = 64  # periods of commands that are kept, about two seconds
 
@@ -28,6 +28,8 @@ class LatencyFinder:
 
     Attributes:
         extra_s: (nsim,) how much later measurements are than told, as far as is known.
+        changed: (nsim,) whose last measurement overthrew what had been believed, by a
+            quarter of a period or more.
     """
 
     def __init__(
@@ -43,6 +45,8 @@ class LatencyFinder:
         """
         self._robot, self._period = robot, period_s
         self.extra_s: FloatArray = np.zeros(nsim)
+        self.changed: BoolArray = np.zeros(nsim, dtype=np.bool_)
+        self._any: BoolArray = np.zeros(nsim, dtype=np.bool_)  # measurements so far
         self._found: BoolArray = np.zeros(nsim, dtype=np.bool_)
         self._moved = np.zeros((ROWS, nsim, 2))  # path and heading commanded since the start
         self._k = BEFORE
@@ -99,8 +103,11 @@ class LatencyFinder:
         # who cannot be compared yet, or comes from the future, is no better than the worst
         worst = np.where(known, cost, 0.0).max(axis=0)
         self._score += np.where(known, cost, worst) * usable
-        self._last_q[due], self._last_stamp[due] = q[due, : THETA1 + 1], stamp[due]
-        self._decide(stamp)
+        # the first stands in for those that are on their way: its own time is unknown
+        later = due & self._any
+        self._any |= due
+        self._last_q[later], self._last_stamp[later] = q[later, : THETA1 + 1], stamp[later]
+        self._decide(stamp, usable)
 
     def _move(self, q: FloatArray) -> FloatArray:
         """(nsim, 2) path and turn since the last measurement."""
@@ -119,19 +126,29 @@ class LatencyFinder:
         share = (period - whole)[..., None]
         return np.asarray((1.0 - share) * before + share * after)
 
-    def _decide(self, stamp: FloatArray) -> None:
+    def _decide(self, stamp: FloatArray, news: BoolArray) -> None:
+        """Choose among the candidates, for those of whom there is news."""
         score, each = self._score, np.arange(self._score.shape[1])
-        best = score.argmin(axis=0)
-        believed = np.abs(CANDIDATES[:, None] - self.extra_s / self._period).argmin(axis=0)
-        # the parabola through the best and its neighbours, where both could be compared
+        best, step = score.argmin(axis=0), CANDIDATES[1] - CANDIDATES[0]
+        now = self.extra_s / self._period
+        believed = np.abs(CANDIDATES[:, None] - now).argmin(axis=0)
+        # the parabola through the best and its neighbours, where all could be compared
         inner = np.clip(best, 1, CANDIDATES.size - 2)
         left, middle, right = (score[inner + i, each] for i in (-1, 0, 1))
-        bend = left - 2.0 * middle + right
-        shift = 0.5 * (left - right) / np.where(bend > 0.0, bend, np.inf)
+        bend, slope = left - 2.0 * middle + right, 0.5 * (right - left)
+        shift = np.clip(-slope / np.where(bend > 0.0, bend, np.inf), -1.0, 1.0)
         whole = (inner != best) | (stamp - CANDIDATES[inner - 1] > self._k)
-        step = CANDIDATES[1] - CANDIDATES[0]
-        found = CANDIDATES[best] + np.where(whole, 0.0, np.clip(shift, -1.0, 1.0) * step)
-        sure = score[believed, each] - score[best, each] > SURE
+        shift = np.where(whole, 0.0, shift)
+        # how much better that is than the latency believed
+        away = (now - CANDIDATES[best]) / step
+        near = ~whole & (np.abs(away) < 1.0)
+        cost = score[best, each] + shift * (slope + 0.5 * bend * shift)
+        costs_now = np.where(
+            near, middle + away * (slope + 0.5 * bend * away), score[believed, each]
+        )
+        sure = news & (costs_now - cost > SURE)
         self._found |= sure
-        refined = sure | (self._found & (best == believed))
-        self.extra_s = np.where(refined, found * self._period, self.extra_s)
+        refined = sure | (news & self._found & (best == believed))
+        found = (CANDIDATES[best] + shift * step) * self._period
+        self.changed = sure & (np.abs(found - self.extra_s) > 0.25 * self._period)
+        self.extra_s = np.where(refined, found, self.extra_s)

@@ -157,5 +157,6 @@ class SampledModel:
                 slide = slide / (1.0 + step * friction / np.hypot(slide, self._smoothing))
             elif friction.any():
                 slide = rub(slide, step * friction)
-            rate = turn + slide
+            # as in a batch where others rub: a row alone is not rounded
+            rate = np.where(damping + friction > 0.0, turn + slide, rate)
         return rate

@@ -6,7 +6,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.dynamics.ground import Ground
-from ttwmr_mj.dynamics.influence import influence_of
+from ttwmr_mj.dynamics.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.carried import carried
@@ -46,7 +46,10 @@ def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> Refe
         raise InputError(*(fault.within("reference") for fault in faults))
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
     path = scenario.reference.sample(times, robot)
-    return None if path is None else carried(path, robot, influence_of(robot, ground))
+    influence = influence_of(robot, ground)
+    if path is None or not influence[:DRY].any():  # of friction in the hitch nothing is made
+        return path
+    return carried(path, robot, influence)
 
 
 def refuse_trains(robot: RobotParameters) -> None:

@@ -7,7 +7,13 @@ out has a documented default. `ttwmr export-schema` prints the same as JSON Sche
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import Field, GetCoreSchemaHandler, GetPydanticSchema, field_validator
+from pydantic import (
+    Field,
+    GetCoreSchemaHandler,
+    GetPydanticSchema,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import core_schema
 
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
@@ -17,6 +23,7 @@ from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import REFERENCES, Angle, Point, Reference
 from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.robot import Config, RobotParameters, merged
+from ttwmr_mj.scenario.worlds import World, filled
 from ttwmr_mj.sensing import Lost, TruthSensing, UpTo10
 from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.options import CameraSensing
@@ -270,6 +277,11 @@ class Scenario(Config):
     duration_s: float = Field(
         gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
     )
+    world: World = Field(
+        default="kind",
+        description="where values that are not given come from, which the controller is not told; "
+        "kind: nowhere; lab: our estimate of the article's laboratory; unkind: drawn by the seed",
+    )
     robot: RobotParameters = RobotParameters()
     ground: Ground = Ground()
     belief: BeliefOptions = BeliefOptions()
@@ -283,6 +295,11 @@ class Scenario(Config):
     )
     output: OutputOptions = OutputOptions()
     accept: AcceptOptions = AcceptOptions()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_from_world(cls, given: Any) -> Any:
+        return filled(given) if isinstance(given, dict) else given
 
     @field_validator("initial", mode="before")
     @classmethod

@@ -24,8 +24,10 @@ from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, INFLUENCES, VISCOUS,
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
-Influence = Literal["slope", "rolling_resistance", "dry_friction", "viscous_friction"]
-Learnable = Influence | Literal["latency"]  # which `dynamics.latency` finds
+Learnable = Literal[
+    "slope", "rolling_resistance", "dry_friction", "viscous_friction", "latency", "wheel_radius"
+]
+# What this filter finds; `dynamics.latency` finds latency, and `observer` slip, hence the wheels'.
 PLACES: dict[Learnable, slice] = {
     "slope": GRAVITY,
     "rolling_resistance": slice(DRAG, DRAG + 1),
@@ -49,7 +51,7 @@ class Learner:
 
     def __init__(
         self,
-        learn: tuple[Influence, ...],
+        learn: tuple[Learnable, ...],
         robot: RobotParameters,
         period_s: float,
         nsim: int,
@@ -59,7 +61,7 @@ class Learner:
         """Nothing is known yet but the priors.
 
         Args:
-            learn: what to find out.
+            learn: what to find out; what others find is left to them.
             robot: geometry of the trailer.
             period_s: T.
             nsim: simulations.
@@ -68,11 +70,11 @@ class Learner:
         """
         self._robot, self._period = robot, period_s
         self.places: BoolArray = np.zeros(INFLUENCES, dtype=np.bool_)
-        for name in learn:
+        for name in PLACES.keys() & set(learn):
             self.places[PLACES[name]] = True
         prior = np.where(self.places, PRIOR_STD, 0.0)
         first = np.diag(np.square([*measurement_std, process_std[2] / np.sqrt(period_s), *prior]))
-        self._covariance = np.tile(first, (nsim, 1, 1))
+        self._first, self._covariance = first, np.tile(first, (nsim, 1, 1))
         walk = np.square(prior) * FORGETTING_1_S * period_s
         self._process = np.diag([*np.square(process_std), *walk])
         self._most = np.square(prior)
@@ -99,6 +101,10 @@ class Learner:
         P[:, learned] /= excess[..., None]
         P[:, :, learned] /= excess[:, None]
         self._covariance = P
+
+    def restart(self, who: BoolArray) -> None:
+        """Nothing is known any more of some simulations (nsim,)."""
+        self._covariance = np.where(who[:, None, None], self._first, self._covariance)
 
     def gain(self, due: BoolArray) -> FloatArray:
         """(nsim, 8, 2) on the innovations of θ2 and θ̇2; those that are due become surer."""
@@ -128,4 +134,4 @@ class Learner:
         factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
         factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)
         factors[:, VISCOUS] = -hitch_rate
-        return np.asarray(factors * self.places)
+        return factors

@@ -20,10 +20,9 @@ from collections import deque
 from typing import NamedTuple
 
 import numpy as np
-from pydantic import Field
-from scipy.linalg import solve_discrete_are
 
 from ttwmr_mj.controllers.shared.learning import Learner
+from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, chain_gains
 from ttwmr_mj.dynamics.influence import DRAG
 from ttwmr_mj.dynamics.kinematics import (
     to_body,
@@ -33,56 +32,14 @@ from ttwmr_mj.dynamics.kinematics import (
 )
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
-from ttwmr_mj.robot import Config, RobotParameters
+from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, wrap
 
 MAX_DELAY = 32  # periods, about a second at 33 ms; an older measurement is ignored
-# Prediction error of one period. The analytic plant, commands changing by up to 3 rad/s, differs by
-# 1 µm, 0.03 mrad and 1e-4 rad/s; what is added keeps the gains from falling asleep.
-MODEL_POSITION_STD_M = 2e-5
-MODEL_ANGLE_STD_RAD = 1e-4
-MODEL_RATE_STD_RAD_S = 3e-3
+# A camera's tracker finds its own latency; till then what is wrong with it looks like forces.
+LEARN_AFTER_S = 0.7
 PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not last; 13 % of noise
-
-
-class ObserverOptions(Config):
-    """What the observer assumes about its measurements and the model's errors.
-
-    Standard deviations per sample, and of random walks per square root of a second. The defaults
-    are those of an overhead camera; they cost little where the measurement is better than that.
-    """
-
-    position_std_m: float = Field(
-        default=2e-4, gt=0, le=1, description="measurement noise of x and y; typically 2e-4"
-    )
-    angle_std_rad: float = Field(
-        default=1e-3, gt=0, le=1, description="measurement noise of θ1 and θ2; typically 1e-3"
-    )
-    velocity_std_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="measurement noise of ẋ and ẏ; typically 0.01"
-    )
-    rate_std_rad_s: float = Field(
-        default=0.05, gt=0, le=100, description="measurement noise of θ̇1 and θ̇2; typically 0.05"
-    )
-    creep_walk_m_s: float = Field(
-        default=2e-3,
-        gt=0,
-        le=10,
-        description="random walk of the tyres' slip, per √s; typically 2e-3",
-    )
-    turn_creep_walk_rad_s: float = Field(
-        default=5e-3,
-        gt=0,
-        le=10,
-        description="random walk of the heading's slip, per √s; typically 5e-3",
-    )
-    swing_walk_rad_s2: float = Field(
-        default=0.05,
-        gt=0,
-        le=100,
-        description="random walk of the unexplained θ̈2, per √s; typically 0.05",
-    )
 
 
 class Observed(NamedTuple):
@@ -115,6 +72,7 @@ class Observer:
     ) -> None:
         """Set up; what is told is the state so many periods ahead, when the next command acts."""
         self._ahead, self.latency = ahead, latency
+        self._updates, self._patience = 0, 0
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
@@ -125,8 +83,11 @@ class Observer:
     def update(self, estimate: Estimate) -> Observed:
         """The state now, after this sample's estimate."""
         past = self._past
+        self._updates += 1
         if not past:
             past.append(self._first(estimate.state))
+            if estimate.measurement_age_s is not None:
+                self._patience = round(LEARN_AFTER_S / self._model.period_s)
             if self.latency is not None:
                 self.latency.roll(past[0].wheels)
             for _ in range(self._ahead):  # until the first command, servos hold their speed
@@ -148,7 +109,7 @@ class Observer:
     def commanded(self, wheels: FloatArray) -> Observed:
         """Take note of the command for the coming period; returns the state expected after it."""
         now = self._past[-1]
-        if self.learner is not None:
+        if self.learner is not None and self._updates > self._patience:
             velocity = self._model.velocity(now.body, now.wheels, now.slip)
             self.learner.predict(now.body, velocity, self.hitch_rate(now))
         if self.latency is not None:
@@ -164,7 +125,18 @@ class Observer:
         now_s = (self.latency.periods - self._ahead) * self._model.period_s
         stamp_s = now_s - estimate.age_s
         self.latency.measured(stamp_s, estimate.state.q, estimate.valid)
+        self._start_again(self.latency.changed)
         return np.maximum(estimate.age_s + self.latency.extra_s, 0.0)
+
+    def _start_again(self, who: BoolArray) -> None:
+        """Unlearn what seemed to act on the trailer while measurements were put at wrong times."""
+        if self.learner is None or not who.any():
+            return
+        self.learner.restart(who)
+        for i, was in enumerate(self._past):
+            known = np.broadcast_to(self._model.influence, was.influence.shape)
+            fresh = was._replace(unexplained=np.zeros_like(was.unexplained), influence=known)
+            self._past[i] = fresh.where(who, was)
 
     def hitch_rate(self, now: Observed) -> FloatArray:
         """(nsim,) θ̇2 − θ̇1, the heading's slip included [rad/s]."""
@@ -211,7 +183,7 @@ class Observer:
         # cut, not left out: an unexplained θ̈2 that is wrong must be able to come back
         cut = np.clip(miss[:, THETA2], -self._push_rad, self._push_rad)
         cut_rate = np.clip(drift[:, THETA2], -self._push_rad_s, self._push_rad_s)
-        if self.learner is None:
+        if self.learner is None or self._updates <= self._patience:
             more = change[0, THETA2] * cut + change[1, THETA2] * cut_rate
             return Observed(body, now.wheels, slip, now.unexplained + more, now.influence)
         gain = self.learner.gain(due)
@@ -226,42 +198,3 @@ class Observer:
 def rolling_turn_rate(wheels: FloatArray, robot: RobotParameters) -> FloatArray:
     """(...) turn rate u2 of rolling wheels (Eq. 9) [rad/s]."""
     return twist_from_wheels(wheels, robot)[..., 1]
-
-
-def chain_gains(options: ObserverOptions, period_s: float) -> FloatArray:
-    """(3, 2, 4) steady gains on the value, its slope and the slope's unexplained change.
-
-    The second axis is the innovation, of value and slope; the third is x, y, θ1, θ2. Slopes of the
-    first three are slip, that of θ2 is θ̇2; only θ̇2 has an unexplained change.
-    """
-    T, root = period_s, np.sqrt(period_s)
-    slow = np.array([[1.0, T], [0.0, 1.0]])
-    swinging = np.array([[1.0, T, 0.5 * T * T], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
-    place = (options.position_std_m, options.velocity_std_m_s)
-    angle = (options.angle_std_rad, options.rate_std_rad_s)
-    slip, turn_slip = options.creep_walk_m_s * root, options.turn_creep_walk_rad_s * root
-    gain = np.zeros((3, 2, 4))
-    gain[:2, :, 0] = gain[:2, :, 1] = kalman_gain(slow, (MODEL_POSITION_STD_M, slip), place)
-    gain[:2, :, THETA1] = kalman_gain(slow, (MODEL_ANGLE_STD_RAD, turn_slip), angle)
-    gain[:, :, THETA2] = kalman_gain(swinging, process_std(options, period_s), angle)
-    return gain
-
-
-def process_std(options: ObserverOptions, period_s: float) -> tuple[float, float, float]:
-    """What a period adds to θ2, θ̇2 and the unexplained θ̈2, as standard deviations."""
-    return (
-        MODEL_ANGLE_STD_RAD,
-        MODEL_RATE_STD_RAD_S,
-        float(options.swing_walk_rad_s2 * np.sqrt(period_s)),
-    )
-
-
-def kalman_gain(
-    A: FloatArray, process_std: tuple[float, ...], measurement_std: tuple[float, ...]
-) -> FloatArray:
-    """(n, m) steady gain on the innovation of the first m states, all measured directly."""
-    n, m = len(process_std), len(measurement_std)
-    C = np.eye(m, n)
-    Q, R = np.diag(np.square(process_std)), np.diag(np.square(measurement_std))
-    P = solve_discrete_are(A.T, C.T, Q, R)
-    return np.asarray(P @ C.T @ np.linalg.inv(C @ P @ C.T + R))

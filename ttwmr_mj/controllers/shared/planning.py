@@ -29,7 +29,7 @@ class PlanningLaw(SteeringLaw[OptionsT]):
     def start(self, task: Task) -> None:
         """Nothing learned yet: the plan is made for what is believed."""
         super().start(task)
-        self._path, self._planned_at = task.path, 0
+        self._path, self._planned_at = task.path_ahead, 0
         self._learns = self._observer.learner is not None
         self._influence_planned: FloatArray = self._model.influence[None]
         self._planned: FloatArray = self._as_disturbance(self._influence_planned)

@@ -7,8 +7,9 @@ from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.learning import Learnable, Learner
-from ttwmr_mj.controllers.shared.observer import Observed, Observer, ObserverOptions, process_std
+from ttwmr_mj.controllers.shared.learning import PLACES, Learnable, Learner
+from ttwmr_mj.controllers.shared.observer import Observed, Observer
+from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std, slip_std
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
 from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
@@ -54,27 +55,45 @@ class SteeringLaw(Law[OptionsT]):
         lever = self._robot.casters.radius_m / GRAVITY_M_S2
         self._units = np.array([1.0, 1.0, lever, inertia, inertia])  # to those of SIGNALS
         noise, learner, latency = options.observer, None, None
-        if influences := tuple(name for name in options.learn if name != "latency"):
+        if PLACES.keys() & set(options.learn):
             angle = noise.angle_std_rad, noise.rate_std_rad_s
             process = process_std(noise, T)
-            learner = Learner(influences, self._robot, T, self._nsim, process, angle)
+            learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
         if "latency" in options.learn:
             std = noise.position_std_m, noise.angle_std_rad
             latency = LatencyFinder(self._robot, T, self._nsim, std)
         self._observer = Observer(self._robot, self._model, noise, learner, task.ahead, latency)
+        self._slip_std = slip_std(noise, T)
 
     def _signals(self, now: Observed) -> dict[str, FloatArray]:
         """What was learned, and how sure that is, for the log."""
         learner, latency = self._observer.learner, self._observer.latency
-        late = {} if latency is None else {"learned_latency_s": latency.extra_s.copy()}
+        signals = {} if latency is None else {"learned_latency_s": latency.extra_s.copy()}
+        if "wheel_radius" in self._options.learn:
+            signals |= self._wheel_radius(now)
         if learner is None:
-            return late
+            return signals
         found, std = now.influence * self._units, learner.std() * self._units
-        return late | {
+        return signals | {
             f"learned_{name}{what}_{unit}": values[:, i].copy()
             for what, values in (("", found), ("_std", std))
             for i, (name, unit) in enumerate(SIGNALS)
             if learner.places[i]
+        }
+
+    def _wheel_radius(self, now: Observed) -> dict[str, FloatArray]:
+        """r·(1 + slip/u1), by which wheels without slip would be as fast; unknown while P stands.
+
+        The laws have no use for it: they make up for the slip itself.
+        """
+        speed = twist_from_wheels(now.wheels, self._robot)[:, 0]
+        per_speed = np.full_like(speed, np.nan)
+        np.divide(1.0, speed, out=per_speed, where=np.abs(speed) >= NEAR_STANDSTILL_M_S)
+        radius = self._robot.tractor.wheel_radius_m
+        std = radius * self._slip_std * np.abs(per_speed)
+        return {
+            "learned_wheel_radius_m": radius * (1.0 + now.slip[:, 0] * per_speed),
+            "learned_wheel_radius_std_m": np.where(np.isnan(std), np.inf, std),
         }
 
     def _at_limit(self, wish: FloatArray, now: Observed) -> BoolArray:

@@ -19,7 +19,7 @@ from pydantic import Field
 
 from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.dynamics.influence import DRY, INFLUENCES
-from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
+from ttwmr_mj.dynamics.kinematics import arcs_between, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.sampled import BODY, SLIP, SampledModel
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Config, RobotParameters
@@ -103,12 +103,8 @@ class TrackingProblem:
     def target(self, reference: ReferencePath) -> Target:
         """The reference's states, and the commands that follow it best without feedback."""
         q, rate = reference.q, reference.q_rate
-        turn = np.diff(q[:, :, 2], axis=0)
-        middle = q[:-1, :, 2] + 0.5 * turn
-        chord = np.diff(q[:, :, 0], axis=0) * np.cos(middle)
-        chord += np.diff(q[:, :, 1], axis=0) * np.sin(middle)
-        arc = chord / np.sinc(0.5 * turn / np.pi)
-        command = wheels_from_twist(np.stack([arc, turn], -1) / self._model.period_s, self._robot)
+        motion = arcs_between(q[:, :, :2], q[:, :, 2]) / self._model.period_s
+        command = wheels_from_twist(motion, self._robot)
         first = wheels_from_twist(workspace_rate(q[0], rate[0])[..., :2], self._robot)
         wheels = np.concatenate([first[None], command])
         state = np.concatenate([q, rate[..., 3:], wheels], axis=-1)

@@ -21,52 +21,66 @@ from ttwmr_mj.dynamics.flatness import (
 from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray, wrap
+from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
 ROUNDS = 25  # the error falls to c/|a| of it in each: a fifth at δ = 1e-4 m on a circle of 0.6 m
-ROOM = 1.2  # |F''| over what acts on the trailer, below which θ2 would have no firm direction
+ROOM = 1.2  # |F''| over what acts on the trailer; with less θ2 would have no firm direction
 
 
-def carried(
-    path: ReferencePath,
-    robot: RobotParameters,
-    influence: FloatArray,
-    unexplained: FloatArray | float = 0.0,
-) -> ReferencePath:
-    """The reference under these influences; unchanged where F could not be carried along its path.
+def carried(path: ReferencePath, robot: RobotParameters, influence: FloatArray) -> ReferencePath:
+    """The reference under these influences, whatever those that it was made for.
 
+    It is left unchanged where F could not be carried along its path, each simulation for itself.
     Derivatives of P from the third on, and of θ1 from the second on, are taken by differences.
 
     Args:
-        path: of a free trailer on a level floor.
+        path: what it gives of F is used, if it does.
         robot: whose trailer is carried.
         influence: (5,) or (nsim, 5); of friction in the hitch nothing is made here.
-        unexplained: (nsim,) or one θ̈2 that lasts [rad/s²].
     """
     influence = np.atleast_2d(influence)
-    drag, push = influence[:, DRAG], robot.swing_length_m * np.asarray(unexplained)
-    most = np.hypot(*influence[:, GRAVITY].T) + drag + np.abs(push)
-    if path.flat_derivatives is None or not most.any():
+    if path.flat_derivatives is None:
         return path
-    if np.hypot(*np.moveaxis(path.flat_derivatives[:, :, 2], -1, 0)).min() < ROOM * most.max():
+    least = np.hypot(*np.moveaxis(path.flat_derivatives[:, :, 2], -1, 0)).min(axis=0)
+    fits = least > ROOM * (np.hypot(*influence[:, GRAVITY].T) + influence[:, DRAG])
+    if not fits.any():
         return path
-    batch = np.broadcast_shapes(path.flat_derivatives.shape[1:2], most.shape)
+    influence = np.where(fits[:, None], influence, 0.0)
+    drag = influence[:, DRAG]
+    batch = np.broadcast_shapes(path.flat_derivatives.shape[1:2], fits.shape)
     flat = np.broadcast_to(path.flat_derivatives, (len(path.time_s), *batch, 5, 2))
     sign = np.sign(dot(flat[:1, :, 2], trailer_axes(path.theta2_rad[:1])[0]))
     gravity = np.zeros((*flat.shape[:2], 3, 2))
     gravity[:, :, 0] = influence[:, GRAVITY]
     pull = gravity
-    for _ in range(ROUNDS if (drag.any() or push.any()) else 0):
-        aside = _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag, push)
+    for _ in range(ROUNDS if drag.any() else 0):
+        aside = _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag)
         pull = gravity.copy()
         for order in range(3):
             pull[:, :, order] -= aside
             aside = np.gradient(aside, path.time_s, axis=0)
-    return _reference(path, flat, motion_from_flat(flat, sign, robot, pull))
+    done = _reference(path, flat, motion_from_flat(flat, sign, robot, pull))
+    return done if fits.all() else _where(fits, done, path)
+
+
+def _where(who: BoolArray, one: ReferencePath, other: ReferencePath) -> ReferencePath:
+    """One reference for some simulations (batch,), the other for the rest."""
+
+    def mixed(a: FloatArray, b: FloatArray) -> FloatArray:
+        return np.where(who.reshape(1, -1, *[1] * (a.ndim - 2)), a, b)
+
+    return ReferencePath(
+        time_s=one.time_s,
+        derivatives=mixed(one.derivatives, other.derivatives),
+        theta=mixed(one.theta, other.theta),
+        theta_rate=mixed(one.theta_rate, other.theta_rate),
+        theta_acceleration=mixed(one.theta_acceleration, other.theta_acceleration),
+        flat_derivatives=one.flat_derivatives,
+    )
 
 
 def _aside(
-    flat: FloatArray, motion: FlatMotion, robot: RobotParameters, drag: FloatArray, push: FloatArray
+    flat: FloatArray, motion: FlatMotion, robot: RobotParameters, drag: FloatArray
 ) -> FloatArray:
     """(n, batch, 2) k·d·n [m/s²]."""
     theta2, rate = motion.theta2[..., 0], motion.theta2[..., 1]
@@ -74,7 +88,7 @@ def _aside(
     velocity = flat[:, :, 1] + (robot.swing_length_m * rate)[..., None] * n
     com = velocity_behind(velocity, theta2, rate, robot.trailer.com_offset_m)
     held = held_back(drag, dot(com, t), dot(com, n), rate, robot)
-    return np.asarray((held + push)[..., None] * n)
+    return np.asarray(held[..., None] * n)
 
 
 def _reference(path: ReferencePath, flat: FloatArray, motion: FlatMotion) -> ReferencePath:
