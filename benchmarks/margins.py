@@ -69,8 +69,9 @@ def cases() -> list[Case]:
     found = [Case(name, "lab_circle", f"{{{law}}}", False) for name, law in tractor.items()]
     for circle in ("outer_circle", "inverted_trailer"):
         for kind in ("flatness", "tvlqr", "mpc"):
-            found.append(Case(kind, circle, f'{{kind="{kind}"}}'))
-            learning = f'{{kind="{kind}", learn=["latency"]}}'
+            own = "" if kind == "mpc" else ', recovery="own"'  # the law itself is measured
+            found.append(Case(kind, circle, f'{{kind="{kind}"{own}}}'))
+            learning = f'{{kind="{kind}", learn=["latency"]{own}}}'
             found.append(Case(f"{kind}, learning", circle, learning, learns=True))
     return found
 

@@ -46,7 +46,7 @@ def asked(law: Flatness, q: np.ndarray, rate: np.ndarray) -> np.ndarray:
 def test_one_sample_is_the_choice_of_the_docstring(side: str) -> None:
     """F'''' = s for the hitch that is believed in, and P'' is its mean over the period."""
     reference = path(side)
-    law = Flatness(FlatnessOptions(bandwidth_per_s=LAMBDA, integral_share=KAPPA))
+    law = Flatness(FlatnessOptions(bandwidth_per_s=LAMBDA, integral_share=KAPPA, recovery="own"))
     law.start(Task(ROBOT, reference, PERIOD, 1, np.random.default_rng(0)))
     a = float(law._along[0])
     assert abs(a) == pytest.approx(0.6 * 0.8**2, rel=1e-9)  # centripetal

@@ -31,8 +31,11 @@ P', θ2 and θ̇2, and θ1 follows P'. There are no zero dynamics, trailer outsi
 
 Where wheels saturate, P nearly stands still, a is kept from zero or F'' is far off for some samples
 in a row, the law does not keep to the reference: it follows a recovery path within the servos'
-limits (`transition`), and from its end the reference. Measured on contact physics, trailer inside a
-circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off: docs/controllers.md.
+limits (`transition`), and from its end the reference. Farther off, model predictive control leads
+back (`recovery`; with recovery = "own" nothing else does); meanwhile a follows what P really does,
+with a' = 0, so that the law goes on from there. Measured with "own", on contact physics, trailer
+inside a circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off:
+docs/controllers.md.
 """
 
 from dataclasses import replace

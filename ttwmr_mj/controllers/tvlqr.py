@@ -17,7 +17,8 @@ turns; at standstill it is not (a robot that stands cannot correct its position 
 reference that ends at rest ends with the errors it has there. For the nonlinear robot it holds
 locally, while no servo saturates and the model is right between samples. Dry friction that the
 robot's parameters name is cancelled while the hitch slides; stuck, it is a bounded disturbance.
-Outside that region it does not recover: the gains stay the same (`mpc` plans its way back).
+Outside that region the gains, which stay the same, lose the robot; there model predictive control
+leads it back (`recovery`; with recovery = "own" nothing does).
 """
 
 from typing import Any, ClassVar, Literal
