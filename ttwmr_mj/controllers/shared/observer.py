@@ -37,7 +37,7 @@ from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, wrap
 
 MAX_DELAY = 32  # periods, about a second at 33 ms; an older measurement is ignored
-LEARN_AFTER_S = 0.7  # before, a start off the reference and an unknown latency look like forces
+LEARN_AFTER_S = 0.7  # of the trailer, where latency is learned too: before, it looks like forces
 PUSH = 1.5  # standard deviations: a greater surprise is a push, which does not last; 13 % of noise
 
 
@@ -71,7 +71,8 @@ class Observer:
     ) -> None:
         """Set up; what is told is the state so many periods ahead, when the next command acts."""
         self._ahead, self.latency = ahead, latency
-        self._updates, self._patience = 0, round(LEARN_AFTER_S / model.period_s)
+        self._updates, patience_s = 0, 0.0 if latency is None else LEARN_AFTER_S
+        self._patience = round(patience_s / model.period_s)
         self._robot, self._model, self.learner = robot, model, learner
         self._gain = chain_gains(options, model.period_s)
         rate, angle = options.rate_std_rad_s, options.angle_std_rad
