@@ -4,8 +4,8 @@
         [--no-learning] [--set KEY=VALUE]
 
 Each run is `inverted_trailer_camera` for 20 s, in a world of its own, with a law that learns. Of
-all runs: the share that followed, with its exact binomial interval at 95 %, and quantiles of F, the rms
-distance of the trailer's centre of oscillation from its reference over the second half, in the
+all runs: the share that followed, with its exact binomial interval at 95 %, and quantiles of F, the
+rms distance of the trailer's centre of oscillation from its reference over the second half, in the
 camera's frame. Runs that did not follow are listed with what decided. The last line is JSON.
 """
 

@@ -90,7 +90,8 @@ def test_two_frames_of_latency_that_nobody_told_of(law: str) -> None:
 
 
 def test_what_was_learned_under_a_wrong_latency_is_forgotten() -> None:
-    found = result("flatness", EVERYTHING, *LATE)
+    one = "sensing.latency_s=0.033", "belief.latency_s=0.0"
+    found = result("flatness", EVERYTHING, *one)
     assert found.verdicts[0].name == "followed"
     assert errors(found)[0] < 2e-3
 
