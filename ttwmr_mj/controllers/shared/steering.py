@@ -7,7 +7,7 @@ from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.learning import PLACES, Learnable, Learner
+from ttwmr_mj.controllers.shared.learning import PLACES, UNEXPLAINED_WALK_RAD_S2, Learnable, Learner
 from ttwmr_mj.controllers.shared.observer import Observed, Observer
 from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std, slip_std
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
@@ -57,7 +57,8 @@ class SteeringLaw(Law[OptionsT]):
         noise, learner, latency = options.observer, None, None
         if PLACES.keys() & set(options.learn):
             angle = noise.angle_std_rad, noise.rate_std_rad_s
-            process = process_std(noise, T)
+            walk = max(noise.swing_walk_rad_s2, UNEXPLAINED_WALK_RAD_S2)
+            process = process_std(noise.model_copy(update={"swing_walk_rad_s2": walk}), T)
             learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
         if "latency" in options.learn:
             std = noise.position_std_m, noise.angle_std_rad
