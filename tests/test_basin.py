@@ -38,8 +38,10 @@ def test_a_grid_must_fit_its_stride() -> None:
 
 def test_catching_is_what_a_single_run_does() -> None:
     """The edge of the law's basin on the analytic model; each start as a run of its own."""
+    alone_with_it = 'controller={kind="flatness", recovery="own"}'
     scenario = load_scenario(
-        "inverted_trailer", ["duration_s=6.0", "plant.kind=analytic", "initial.x_offset_m=0.0"]
+        "inverted_trailer",
+        ["duration_s=6.0", "plant.kind=analytic", "initial.x_offset_m=0.0", alone_with_it],
     )
     position, angle = np.array([0.0, 0.02, 0.3]), np.array([-1.5, 0.0, 0.2])
     together = map_basin(scenario, position, angle).caught_after_s

@@ -114,7 +114,10 @@ def test_every_metric_says_what_it_is() -> None:
     said = {metric.meaning for name, metric in METRICS.items() if not name.startswith("steady_")}
     assert len(said) == 19  # one for each
     assert METRICS["tractor_rmse_m"].meaning == "rms distance of P from its reference"
-    assert METRICS["blind_share"].meaning == "share of samples at which the sensor was blind"
+    assert (
+        METRICS["blind_share"].meaning
+        == "share of samples at which the sensor's estimate was invalid"
+    )
 
 
 def test_trailer_points_hang_behind_p() -> None:

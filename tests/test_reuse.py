@@ -62,7 +62,7 @@ END, CODE = r"\Z", "\nEXTRA = 1\n"
 # what is edited: (file, pattern, replacement), which runs are made again, and why
 EDITS = {
     "default": (
-        ("ttwmr_mj/robot.py", r"(float = (?:Field\(default=)?)0\.", r"\g<1>9."),
+        ("ttwmr_mj/robot.py", r"(float = (?:Field\(\s*default=)?)0\.", r"\g<1>9."),
         EVERY,
         "code.ttwmr_mj.robot",
     ),

@@ -188,6 +188,9 @@ def test_every_command_in_the_page_on_controllers_is_valid() -> None:
     assert len(lines) >= 8
     for line in lines:
         words = shlex.split(line)
+        if words[0] == "python":
+            assert (Path(__file__).resolve().parent.parent / words[1]).is_file()
+            continue
         assert words[0] == "ttwmr"
         run = parse(words[1:])
         assert isinstance(run, RunCommand)

@@ -45,7 +45,7 @@ def test_a_trailer_that_the_tyres_cannot_hold_is_not_feasible() -> None:
     """m2·K·ω² and more of the outer wheels' grip."""
     found = verdict("inverted_trailer", "robot.trailer.mass_kg=50.0", "duration_s=5.0")
     assert found.name == "reference_not_feasible"
-    assert found.what.startswith("the reference asks the tyres for 30.7 N (limit 4.87 N); P ")
+    assert found.what.startswith("the reference asks the tyres for 30.7 N (limit 4.87 N); ")
 
 
 def test_wheels_that_cannot_turn_fast_enough() -> None:
