@@ -79,16 +79,12 @@ class CameraSensor(Sensor):
             InputError: the scene lacks a part.
             MachineError: no OpenGL.
         """
-        # camera and loop keep two cores busy; parting a strip of a picture among more threads
-        # costs more time than it saves
-        cv2.setNumThreads(1)
         children = rng.spawn(3 * nsim)  # three of each simulation's, whatever the batch
         # OpenGL belongs to one thread; in one of its own, frames are exposed while the physics
         # and the tracker go on, for as long as they are travelling anyway
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="camera")
         make = partial(VirtualCamera, section.camera, model, segmentation=segmentation)
-        made = [self._worker.submit(make, child) for child in children[::3]]
-        self.cameras: list[VirtualCamera] = [camera.result() for camera in made]
+        self.cameras = self._made(make, children[::3])
         self.layout = layout = self.cameras[0].layout
         known = calibrated, layout, believed, section.tracker
         self.trackers = [Tracker(*known) for _ in range(nsim)]
@@ -108,6 +104,16 @@ class CameraSensor(Sensor):
         self._believed = believed
         self._joint_positions = joint_positions
         self._k = 0
+
+    def _made(
+        self, make: Callable[[np.random.Generator], VirtualCamera], rngs: list[np.random.Generator]
+    ) -> list[VirtualCamera]:
+        """One camera per simulation, made in their thread."""
+        # camera and loop keep two cores busy; parting a strip of a picture among more threads
+        # costs more time than it saves
+        cv2.setNumThreads(1)
+        made = [self._worker.submit(make, rng) for rng in rngs]
+        return [camera.result() for camera in made]
 
     def observe(self, truth: RobotState) -> Estimate:
         """Take this period's frames, track in those that have arrived, and answer for now.
