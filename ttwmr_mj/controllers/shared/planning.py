@@ -17,7 +17,9 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference
 from ttwmr_mj.state import FloatArray
 
-FIRST_LESSON_S = 1.0  # a plan is made anew after this time, twice this time, four times, …
+# A plan is made anew after 1, 2, 4 and 8 s, and every 8 s from then on; it reaches as far as it is
+# used and 5 s more, by when gains no longer know of its end (they forget in a second).
+FIRST_LESSON_S, LESSON_EVERY_S, BEYOND_S = 1.0, 8.0, 5.0
 PASSES = 2  # of Gauss-Newton on a plan that starts from one nearly as good
 
 OptionsT = TypeVar("OptionsT", bound=SteeringOptions)
@@ -33,8 +35,11 @@ class PlanningLaw(SteeringLaw[OptionsT]):
         self._learns = self._observer.learner is not None
         self._influence_planned: FloatArray = self._model.influence[None]
         self._planned: FloatArray = self._as_disturbance(self._influence_planned)
-        first = round(FIRST_LESSON_S / self._period)
-        self._lessons = {first * 2**i for i in range(16)} if self._learns else set()
+        first, self._every, beyond = (
+            max(1, round(s / self._period)) for s in (FIRST_LESSON_S, LESSON_EVERY_S, BEYOND_S)
+        )
+        self._early = {first, 2 * first, 4 * first}
+        self._reach = self._every + beyond
 
     @abstractmethod
     def _plan(self, path: ReferencePath, passes: int = 0) -> None:
@@ -42,10 +47,11 @@ class PlanningLaw(SteeringLaw[OptionsT]):
 
     def _since_plan(self, k: int, now: Observed) -> int:
         """Sample k, counted from the plan's start; plans anew first where it is time."""
-        if k in self._lessons:
+        if self._learns and (k in self._early or (k > 0 and k % self._every == 0)):
             self._planned_at, self._influence_planned = k, now.influence
             self._planned = self._as_disturbance(now.influence)
-            self._plan(carried(self._path.after(k), self._robot, now.influence), PASSES)
+            ahead = self._path.after(k).until(self._reach + 1)
+            self._plan(carried(ahead, self._robot, now.influence), PASSES)
         return k - self._planned_at
 
     def _disturbance(self, now: Observed) -> FloatArray:
