@@ -135,7 +135,7 @@ def test_a_force_that_stays_does_not_keep_the_law_from_its_reference() -> None:
     """Balls that resist, untold: the cost stays up, and the law alone is far more exact."""
     key = "robot.casters.rolling_resistance_m"
     sets = [f"{key}=1e-4", f"belief.{key}=0.0"]
-    scenario = load_scenario("inverted_trailer", [*sets, "plant.kind=analytic", "duration_s=12.0"])
+    scenario = load_scenario("inverted_trailer", [*sets, "plant.kind=analytic", "duration_s=16.0"])
     (numbers,) = score(Experiment(scenario).run().trajectory, scenario.robot)
     centre = numbers["steady_centre_of_oscillation_rmse_m"]
     assert centre is not None
