@@ -56,6 +56,9 @@ def test_commands_keep_the_servos_range_and_say_so() -> None:
     assert outer > 2.0 > inner
     np.testing.assert_allclose(command.wheel_speed_rad_s, [[2.0, inner]] * 3, rtol=1e-9)
     assert command.saturated.all()
+    wide = RobotParameters(servo=Servo(speed_limit_rad_s=3.0))
+    law.start(Task(wide, path, PERIOD, 3, np.random.default_rng(0)))
+    assert not law.command(4, seen).saturated.any()
     assert not command.near_singular.any()
 
 

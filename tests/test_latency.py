@@ -134,3 +134,19 @@ def test_who_is_not_measured_learns_nothing_and_forgets_nothing() -> None:
     finder.measured(np.array([0.0]), np.zeros((1, 3)), np.ones(1, dtype=np.bool_))
     finder.measured(np.array([330 * PERIOD]), q, np.ones(1, dtype=np.bool_))
     np.testing.assert_array_equal(finder.extra_s, before)
+
+
+def test_the_first_measurement_stands_in_for_others_and_its_stamp_says_nothing() -> None:
+    """It arrives at once, stamped as if it had travelled: the true times of a pair are unknown."""
+    finder = LatencyFinder(ROBOT, PERIOD, 1, STD)
+    wheels, due = np.full((1, 2), 12.0), np.ones(1, dtype=np.bool_)
+    finder.roll(wheels)
+    step = PERIOD * 12.0 * ROBOT.tractor.wheel_radius_m
+    for k in range(20):
+        # straight on at constant speed, but for the stamp of the first, three periods wrong
+        finder.measured(
+            np.array([(k + 3.0 * (k == 0)) * PERIOD]), np.array([[k * step, 0, 0]]), due
+        )
+        finder.commanded(wheels)
+    assert finder.extra_s == 0.0
+    np.testing.assert_allclose(finder._score, 0.0, atol=1e-9)

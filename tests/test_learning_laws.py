@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
 from ttwmr_mj.dynamics.influence import influence_of
+from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.shared.carried import carried
+from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs import build
@@ -18,7 +23,8 @@ from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray, RobotState
 
 LEVEL = "belief.ground.slope_rad=0.0"
 SLOPE = "ground.slope_rad=0.0349", LEVEL  # 2°
@@ -174,3 +180,28 @@ def test_another_trailer_that_is_believed_in_has_a_reference_of_its_own() -> Non
     np.testing.assert_array_equal(judged.q, of_truth.q)
     np.testing.assert_array_equal(told.q, of_belief.q)
     assert np.abs(told.q - judged.q).max() > 5e-3
+
+
+def test_plans_are_made_anew_early_and_then_every_eight_seconds() -> None:
+    law = Tvlqr(TvlqrOptions(learn=("slope",)))
+    time_s = 0.033 * np.arange(1000)
+    path = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0).sample(time_s, RobotParameters())
+    law.start(Task(RobotParameters(), path, 0.033, 1, np.random.default_rng(0)))
+    made: list[tuple[int, int]] = []
+    none = np.zeros(1)
+    at = RobotState(path.q[0], path.q_rate[0])
+    now = law._observer.update(Estimate(at, none, none == 0.0, none))
+    since: list[int] = []
+
+    def note(path: ReferencePath, passes: int = 0) -> None:
+        assert passes > 0
+        made.append((len(since), len(path.time_s)))
+
+    law._plan = note  # type: ignore[method-assign]
+    for k in range(900):
+        since += [law._since_plan(k, now)]
+    assert [k for k, _ in made] == [30, 60, 120, 242, 484, 726]  # 1, 2, 4, 8, 16 and 24 s
+    assert [since[k] for k in (29, 30, 59, 60, 700)] == [29, 0, 29, 0, 700 - 484]
+    longest = max(b - a for (a, _), (b, _) in pairwise(made))
+    # each reaches beyond the next; the last to where the reference ends
+    assert all(length > longest + 100 for _, length in made[:-1])

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ttwmr_mj.dynamics.kinematics import to_world
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import THETA1, FloatArray
 
@@ -50,6 +51,4 @@ class PlaneFrame:
 
 def rotated(vector: FloatArray, angle_rad: float) -> FloatArray:
     """Vectors (..., 2) turned counter-clockwise."""
-    cos, sin = np.cos(angle_rad), np.sin(angle_rad)
-    x, y = vector[..., 0], vector[..., 1]
-    return np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
+    return np.stack(to_world(np.asarray(angle_rad), vector[..., 0], vector[..., 1]), axis=-1)
