@@ -145,7 +145,7 @@ def test_the_first_measurement_stands_in_for_others_and_its_stamp_says_nothing()
     for k in range(20):
         # straight on at constant speed, but for the stamp of the first, three periods wrong
         finder.measured(
-            np.array([(k + 3.0 * (k == 0)) * PERIOD]), np.array([[k * step, 0, 0]]), due
+            np.array([(k - 3.0 * (k == 0)) * PERIOD]), np.array([[k * step, 0, 0]]), due
         )
         finder.commanded(wheels)
     assert finder.extra_s == 0.0
