@@ -152,6 +152,10 @@ class Sweep(Quiet, name="sweep"):
             print(self._told(plan, folder, part, complete))
 
     def _compute(self) -> Compute:
+        if self.scheduler:
+            from ttwmr_mj.studies.sweep.cluster import on_cluster
+
+            return on_cluster(self.scheduler)
         from ttwmr_mj.studies.sweep.compute import in_processes
 
         return in_processes(self.workers)
