@@ -5,7 +5,7 @@ out has a documented default. `ttwmr export-schema` prints the same as JSON Sche
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     Field,
@@ -83,6 +83,8 @@ Initial = Annotated[AtRest | OnReference, Field(discriminator="kind")]
 
 class AnalyticOptions(Config):
     """Settings of the analytic plant."""
+
+    same_in_batch: ClassVar[frozenset[str]] = frozenset({"max_step_s"})
 
     max_step_s: float = Field(
         default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
