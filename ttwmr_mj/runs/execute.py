@@ -117,19 +117,10 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
-    rows = judged(result.trajectory, scenario)
-    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
-    (verdict,) = result.verdicts
-    took = result.control_time_s
+    (outcome,), took = result.outcomes, result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
-        "verdict": verdict.name,
-        "verdict_reason": verdict.what,
-        "status": outcome.status,
-        "reason": outcome.reason,
-        "end_time_s": outcome.time_s,
-        **numbers,
-        **frame_metrics(scenario),
+        **repeatable_metrics(result, scenario),
         "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
         # Commands that took longer than a period, on this machine under its load. On a real robot
         # they would come too late; here they are used all the same, so that results do not depend
@@ -138,6 +129,22 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "control_slowest_s": float(took.max()) if took.size else None,
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
+    }
+
+
+def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
+    """What is in metrics.json whenever the run is repeated: all but the times it took."""
+    rows = judged(result.trajectory, scenario)
+    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
+    (verdict,) = result.verdicts
+    return {
+        "verdict": verdict.name,
+        "verdict_reason": verdict.what,
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "end_time_s": outcome.time_s,
+        **numbers,
+        **frame_metrics(scenario),
     }
 
 
