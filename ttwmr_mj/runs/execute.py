@@ -16,7 +16,7 @@ from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
-from ttwmr_mj.runs.report import result_text, summary
+from ttwmr_mj.runs.report import details_text, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
@@ -162,7 +162,8 @@ def _simulate(
         background.wait()
         if recorder is not None:
             wall_time_s = sum(result.wall_time_s.values())
-            recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
+            metrics = metrics_of(result, scenario, wall_time_s)
+            recorder.finish(result_text(scenario, metrics), details_text(metrics))
     return result
 
 
