@@ -12,16 +12,19 @@ import numpy as np
 import rerun as rr
 
 from ttwmr_mj.recording.blueprint import blueprint
-from ttwmr_mj.recording.plots import Plots
+from ttwmr_mj.recording.plots import YES_NO, Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, floor_corners
+from ttwmr_mj.recording.series import StateLog
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
+    from ttwmr_mj.recording.live import LiveView
     from ttwmr_mj.vision.camera.labels import LabelLayout
     from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord
@@ -43,6 +46,7 @@ class RunRecorder(RrdFile):
         name: of the recording, as the viewer lists it.
         summary_markdown: what is known before the run (scenario, seed, ...).
         camera: whether a camera's view will be added (`append_camera`).
+        live: shows the run while it is recorded.
 
     Raises:
         InputError: the file cannot be created.
@@ -58,10 +62,11 @@ class RunRecorder(RrdFile):
         name: str,
         summary_markdown: str,
         camera: bool = False,
+        live: LiveView | None = None,
     ) -> None:
         floor_m = floor_corners(reference)
         self._layout = partial(blueprint, name, reference, floor_m, camera=camera)
-        super().__init__(path, name, self._layout())
+        super().__init__(path, name, self._layout(), live)
         self._robot = robot
         self._summary = summary_markdown
         self._signals: tuple[str, ...] = ()
@@ -70,6 +75,7 @@ class RunRecorder(RrdFile):
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
         self._camera: CameraView | None = None
+        self._pace: StateLog | None = None
 
     def append(self, rows: Trajectory) -> None:
         """Record the next rows, in the order of time: a second of them, or a whole run at once.
@@ -93,6 +99,18 @@ class RunRecorder(RrdFile):
             self._stream.send_blueprint(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._stream.flush()
+
+    def append_pace(self, time_s: FloatArray, behind: Sequence[bool]) -> None:
+        """Record at which of the next samples a run that is held to the clock came too late.
+
+        Args:
+            time_s: (n,) of the samples.
+            behind: for each.
+        """
+        self._check_open()
+        if self._pace is None:
+            self._pace = StateLog(self._stream, "flags/behind_real_time", YES_NO)
+        self._pace.append(time_s, ["yes" if late else "no" for late in behind])
 
     def append_camera(
         self, camera: CameraModel, layout: LabelLayout, records: Sequence[CameraRecord]

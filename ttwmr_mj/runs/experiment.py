@@ -14,6 +14,7 @@ from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.schema import Scenario
@@ -94,6 +95,7 @@ class Experiment:
         report: Report | None = None,
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
+        pace: Pace | None = None,
     ) -> Result:
         """Run from the initial state to the end, or until it fails.
 
@@ -101,6 +103,7 @@ class Experiment:
             initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, every now and then and at the end.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
+            pace: how fast; None: as fast as it can.
 
         Raises:
             InputError: the controller cannot start.
@@ -122,6 +125,7 @@ class Experiment:
                 scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
             ),
             Push.of_scenario(scenario, self.nsim) if pushes is None else pushes,
+            pace or Pace(),
         )
         task = Task(
             scenario.believed_robot,

@@ -15,6 +15,7 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory, column_names
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
@@ -24,7 +25,6 @@ from ttwmr_mj.state import BoolArray, RobotState
 Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
-REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
 TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
 SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
@@ -56,14 +56,14 @@ class Loop:
         plant, sensor: ready at the first sample.
         controller: not yet started.
         rows: blank but for times and reference; filled in place.
-        report: called with the rows that are new, at most every REPORT_EVERY_S of wall time, and
-            once with the last ones.
+        report: called with the rows that are new, now and then and once with the last ones.
         actuation: the commands' way to the plant.
         pushes: what disturbs it.
+        pace: how fast it goes, how often it reports, and whether it goes on.
         ends: how simulations ended, as far as they have.
         done: rows filled so far.
         control_time_s: wall time of every command, the whole batch's.
-        watch: wall time by part: "plant", "sensing", "controller", "loop", "report".
+        watch: wall time by part: "plant", "sensing", "controller", "loop", "report", "pace".
     """
 
     scenario: Scenario
@@ -74,6 +74,7 @@ class Loop:
     report: Report | None
     actuation: Actuation
     pushes: tuple[Push, ...]
+    pace: Pace = field(default_factory=Pace)
     ends: dict[int, Outcome] = field(default_factory=dict)
     done: int = 0
     control_time_s: list[float] = field(default_factory=list)
@@ -95,6 +96,8 @@ class Loop:
         deadline.arm()
         try:
             for k in range(self.scenario.periods + 1):
+                if not self._hold(k * period):
+                    break
                 truth = self._look(k)
                 if len(self.ends) == self.plant.nsim:
                     break
@@ -112,7 +115,7 @@ class Loop:
         if self.report:
             self.report(self.rows.rows(self._reported, self.done))
         self.watch.lap("report")
-        self._end_all(Outcome("ok", "", self.scenario.periods * period))
+        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
 
     def _start(self, task: Task) -> None:
         """Start the controller; if that breaks, all simulations end before their first command."""
@@ -123,6 +126,13 @@ class Loop:
         except (Exception, SystemExit) as error:  # a controller of the user's may raise anything
             reason = f"controller.start() raised {type(error).__name__}: {error}"
             self._end_all(Outcome("failed", reason, 0.0, error))
+
+    def _hold(self, time_s: float) -> bool:
+        """Keep the pace; whether the run goes on."""
+        self.watch.lap("loop")
+        goes_on = self.pace.hold(time_s)
+        self.watch.lap("pace")
+        return goes_on
 
     def _look(self, k: int) -> RobotState:
         """Record the truth at sample k, and who has ended."""
@@ -176,7 +186,7 @@ class Loop:
             torque = command.wheel_torque_n_m if scenario.control.torque_input else None
             self.actuation.drive(plant, command.wheel_speed_rad_s if torque is None else torque)
         now = self.watch.lap("plant")
-        if self.report and now - self._last_report_s > REPORT_EVERY_S:
+        if self.report and now - self._last_report_s > self.pace.report_every_s:
             self.report(self.rows.rows(self._reported, self.done))
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 

@@ -59,10 +59,18 @@ def headline(metrics: dict[str, Any]) -> str:
     return next((f"{name} = {metrics[name]:.3g}" for name in defined), "")
 
 
-def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
-    """What it was and how it ended, for the recording's text panel."""
+def result_text(scenario: Scenario, metrics: dict[str, Any], pace: str = "") -> str:
+    """What it was and how it ended, for the recording's text panel.
+
+    Args:
+        scenario: what was run.
+        metrics: as in metrics.json.
+        pace: how the pace was kept, if there was one to keep.
+    """
     what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
-    lines = "\n\n".join(filter(None, [f"**{verdict_line(metrics)}**", headline(metrics), what]))
+    lines = "\n\n".join(
+        filter(None, [f"**{verdict_line(metrics)}**", headline(metrics), pace, what])
+    )
     return f"{lines}\n\n{_table('result', results(metrics))}"
 
 
