@@ -17,7 +17,7 @@ from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.pace import Pace, behind
-from ttwmr_mj.runs.report import result_text, summary
+from ttwmr_mj.runs.report import details_text, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
@@ -167,7 +167,7 @@ def _simulate(
     with ExitStack() as stack:
         recorder = None
         if scenario.output.recording:
-            recorder = stack.enter_context(_recorder(experiment, folder, live))
+            recorder = stack.enter_context(_recorder(experiment, folder, pace, live))
         background = stack.enter_context(Background())
         report = _reporter(experiment, background, recorder, frames, progress, pace)
         result = experiment.run(report, pace=pace)
@@ -175,7 +175,7 @@ def _simulate(
         if recorder is not None:
             wall_time_s = sum(result.wall_time_s.values())
             metrics = metrics_of(result, scenario, wall_time_s)
-            recorder.finish(result_text(scenario, metrics, pace.told()))
+            recorder.finish(result_text(scenario, metrics, pace.told()), details_text(metrics))
     return result
 
 
@@ -225,7 +225,9 @@ def _frame_export(scenario: Scenario, folder: Path) -> FrameExport | None:
     return FrameExport(folder / "frames")
 
 
-def _recorder(experiment: Experiment, folder: Path, live: LiveView | None) -> RunRecorder:
+def _recorder(
+    experiment: Experiment, folder: Path, pace: Pace, live: LiveView | None
+) -> RunRecorder:
     """The recording of this run, open and still without rows."""
     from ttwmr_mj.recording.run_recorder import RunRecorder
 
@@ -238,6 +240,7 @@ def _recorder(experiment: Experiment, folder: Path, live: LiveView | None) -> Ru
         name=scenario.name,
         summary_markdown=summary(scenario),
         camera=scenario.sensing.kind == "camera",
+        paced=bool(pace.speed),
         live=live,
     )
 
