@@ -11,6 +11,7 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.loop import Outcome, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
@@ -99,6 +100,7 @@ class Experiment:
         report: Report | None = None,
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
+        pace: Pace | None = None,
     ) -> Result:
         """Run from the initial state to the end, or until it fails.
 
@@ -106,11 +108,12 @@ class Experiment:
             report: called with the rows that are new, every now and then and at the end.
             initial: where every simulation starts; None: where the scenario says, all of them.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
+            pace: how fast; None: as fast as it can.
 
         Raises:
             InputError: the controller cannot start.
         """
-        loop = self._simulations.run(report, initial, pushes)
+        loop = self._simulations.run(report, initial, pushes, pace)
         return Result(
             scenario=self.scenario,
             trajectory=loop.rows.rows(0, loop.done),

@@ -18,6 +18,7 @@ from ttwmr_mj.runs import build
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.laws import Laws, Part
 from ttwmr_mj.runs.loop import Loop, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
@@ -75,6 +76,7 @@ class Simulations:
         report: Report | None = None,
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
+        pace: Pace | None = None,
         *,
         drawable: bool = True,
     ) -> Loop:
@@ -84,6 +86,7 @@ class Simulations:
             report: called with the rows that are new, every now and then and at the end.
             initial: where every simulation starts; None: where its scenario says.
             pushes: on each simulation; None: what the scenarios say, drawn by their seeds.
+            pace: how fast; None: as fast as it can.
             drawable: keep joints and contacts, which only drawings need.
 
         Returns:
@@ -113,6 +116,7 @@ class Simulations:
             report,
             Actuation(control, one.steps_per_period, commands),
             self._pushes() if pushes is None else pushes,
+            pace or Pace(),
         )
         loop.run()
         return loop

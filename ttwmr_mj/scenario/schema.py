@@ -162,8 +162,8 @@ class ControlOptions(Config):
         gt=0,
         le=3600,
         description="CPU time after which a command times out and the run ends as failed; "
-        "a law that plans may take a second, several on a busy machine. The limit in wall time is 15 times as long, for a "
-        "controller that waits",
+        "a law that plans may take a second, several on a busy machine. "
+        "The limit in wall time is 15 times as long, for a controller that waits",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
