@@ -158,11 +158,11 @@ class ControlOptions(Config):
         description="control period, the time between commands; Section 4: 0.033",
     )
     controller_time_limit_s: float = Field(
-        default=2.0,
+        default=10.0,
         gt=0,
         le=3600,
         description="CPU time after which a command times out and the run ends as failed; "
-        "typically 2. The limit in wall time is 15 times as long, for a "
+        "a law that plans may take a second, several on a busy machine. The limit in wall time is 15 times as long, for a "
         "controller that waits",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
