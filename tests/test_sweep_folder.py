@@ -264,7 +264,7 @@ def test_a_chunk_that_breaks_is_halved_until_one_row_is_to_blame(
     assert "SIGSEGV" not in str(table.take([2, 4, 8, 10])["reason"])
 
 
-def test_an_exception_of_the_code_stops_the_sweep_and_is_no_result(plan: Plan) -> None:
+def test_an_exception_of_the_code_stops_the_sweep_and_is_no_result() -> None:
     with pytest.raises(RunError, match="rows 2 to 4 could not be computed:\nTraceback"):
         computed(np.array([2, 3, 4]), Unexpected("Traceback\nZeroDivisionError"))
 

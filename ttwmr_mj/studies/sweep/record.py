@@ -13,10 +13,11 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD, run_task
-from ttwmr_mj.studies.sweep.folder.results import FOLLOWED, RESULTS_FILE
+from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.words import command_of
 
@@ -52,7 +53,7 @@ def rows_to_record(plan: Plan, folder: Path, wish: Wish) -> list[int]:
     """
     table = pq.read_table(folder / RESULTS_FILE, columns=["row", "verdict", plan.metric])
     if wish.which == "failed":
-        failed = table.filter(pc.not_equal(table["verdict"], FOLLOWED))
+        failed = table.filter(pc.invert(pc.is_in(table["verdict"], pa.array(SUCCESSES))))
         return [int(row) for row in failed["row"].to_pylist()[: wish.count]]
     metric = _numbers(table[plan.metric])
     order = np.lexsort((np.arange(len(metric)), metric))  # NaN comes last
