@@ -92,7 +92,13 @@ def shard_by_process(plan: Plan, rows: IntArray) -> Any:
     """
     command = [sys.executable, "-m", __name__]
     asked = pickle.dumps((plan, rows))
-    done = subprocess.run(command, input=asked, capture_output=True, check=False)
+    limit_s = plan.timeout_s * len(rows)
+    try:
+        done = subprocess.run(
+            command, input=asked, capture_output=True, check=False, timeout=limit_s
+        )
+    except subprocess.TimeoutExpired:
+        return f"timed out after {limit_s:g} s"
     if done.returncode or not done.stdout:
         words = done.stderr.decode(errors="replace").strip().splitlines()
         return f"the process ended with exit code {done.returncode}: {' '.join(words[-1:])}"
