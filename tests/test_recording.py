@@ -69,7 +69,7 @@ def test_plots_hold_the_rows(recording: Recording) -> None:
     np.testing.assert_array_equal(scalars("wheel_speed/command"), run.wheel_command_rad_s[:, 0])
     np.testing.assert_array_equal(scalars("tractor_error/true"), 1e3 * curves.tractor_error_m)
     np.testing.assert_array_equal(scalars("trailer_error/true"), 1e3 * curves.trailer_error_m)
-    # on a log scale, 1 for a centimetre; the run starts on its reference, where a micrometre is told
+    # on a log scale that ends at a micrometre: the run starts on its reference
     for name, error_m in (("tractor", curves.tractor_error_m), ("trailer", curves.trailer_error_m)):
         told_mm = 10 ** scalars(f"position_error/{name}")
         np.testing.assert_allclose(told_mm, np.maximum(1e3 * error_m, 1e-3), rtol=1e-12)

@@ -53,7 +53,8 @@ def test_every_third_row_says_how_far_off_it_is_whatever_the_chunks(read: Record
 
 
 def test_distances_are_read_at_a_glance() -> None:
-    assert [distance(d) for d in (0.00123, 0.0123, 0.987, 1.234)] == [
+    assert [distance(d) for d in (4.56e-5, 0.00123, 0.0123, 0.987, 1.234)] == [
+        "46 µm",
         "1.2 mm",
         "12 mm",
         "987 mm",

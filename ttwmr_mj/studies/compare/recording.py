@@ -145,7 +145,7 @@ def _key(pair: Pair) -> list[Entry]:
         key.TRACTOR,
         key.TRAILER,
         ("analytic robot", style.ESTIMATE, 3.5),
-        (f"deviation of P × {_factor(pair):.3g}", style.ALERT, 1.6),
+        (f"deviation of P × {float(f'{_factor(pair):.2g}'):,.10g}", style.ALERT, 1.6),
         (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6),
     ]
 

@@ -72,10 +72,9 @@ def markdown(report: dict[str, Any]) -> str:
 
 def short_markdown(report: dict[str, Any]) -> str:
     """The largest deviations and the verdicts, for the panel below the robots."""
-    apart = _number(report["position_deviation_max_m"], 1e3, " mm")
-    turned = _number(report["theta2_deviation_max_rad"], 1e3, " mrad")
+    apart, turned = report["position_deviation_max_m"], report["theta2_deviation_max_rad"]
     lines = [
-        f"# P at most {apart} apart, θ2 at most {turned}",
+        f"# P at most {1e3 * apart:.3g} mm apart, θ2 at most {1e3 * turned:.3g} mrad",
         f"The analytic model (translucent) is driven by: {report['analytic_driven_by']}.",
         *_verdicts(report),
     ]
