@@ -10,29 +10,19 @@ import cv2
 import numpy as np
 import pytest
 from drawn import drawn, labels
+from trajectories_of_figures import ROBOT, circle_run
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.figures.run import write_run_figures
-from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import RobotParameters
 
 NAMES = ("paths", "x", "y", "theta1", "theta2", "wheel_speeds", "errors", "hitch_angle")
-ROBOT = RobotParameters()
 WIDTH_PX = 720  # 4.8 in at 150 dpi
 
 
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
-    """A run that comes to a circle from 20 mm and 0.1 rad beside it."""
-    time_s = 0.033 * np.arange(300)
-    circle = Circle(radius_m=0.43, angular_rate_rad_s=0.125, theta2="outward").sample(time_s)
-    rows = Trajectory.empty(time_s, 1)
-    rows.ref_q[:] = circle.q
-    rows.q[:] = circle.q + np.exp(-time_s)[:, None, None] * [0.02, 0.0, -0.1, -1.0]
-    rows.wheel_command_rad_s[:] = 2.35, 1.78
-    rows.wheel_speed_rad_s[:] = rows.wheel_command_rad_s * (1 - np.exp(-5 * time_s))[:, None, None]
-    return rows
+    return circle_run()
 
 
 @pytest.fixture(scope="module")

@@ -17,7 +17,7 @@ from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.pace import Pace, behind
-from ttwmr_mj.runs.report import details_text, result_text, summary
+from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
@@ -100,12 +100,24 @@ def run_scenario(
         state = RobotState(states.q[0], states.q_rate[0])
         write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
     watch.lap("files")
-    if scenario.output.figures and len(result.trajectory) > 1:
-        from ttwmr_mj.figures.run import write_run_figures
-
-        write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
+    if len(result.trajectory) > 1:
+        _draw(result.trajectory, scenario, metrics, folder)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares}, pace.told())
+
+
+def _draw(
+    trajectory: Trajectory, scenario: Scenario, metrics: dict[str, Any], folder: Path
+) -> None:
+    """The figures that are wanted."""
+    if scenario.output.figures:
+        from ttwmr_mj.figures.summary import write_summary
+
+        write_summary(trajectory, scenario.robot, folder, figure_title(scenario, metrics))
+    if scenario.output.paper_plots:
+        from ttwmr_mj.figures.run import write_run_figures
+
+        write_run_figures(trajectory, scenario.robot, folder / "figures", scenario.name)
 
 
 def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:

@@ -154,9 +154,9 @@ def _write(
         write_compare_figures(pair, folder / "figures", report["scenario"], *findings)
     if options.recording:
         from ttwmr_mj.studies.compare.recording import record_comparison
-        from ttwmr_mj.studies.compare.text import markdown
+        from ttwmr_mj.studies.compare.text import markdown, short_markdown
 
-        record_comparison(pair, folder / "run.rrd", markdown(report))
+        record_comparison(pair, folder / "run.rrd", short_markdown(report), markdown(report))
 
 
 def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
