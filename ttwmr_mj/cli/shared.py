@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
 
 if TYPE_CHECKING:
+    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.runs.pace import Pace
     from ttwmr_mj.scenario.schema import Scenario
 
 SCENARIO = "a TOML file, or the name of a shipped scenario"
@@ -53,6 +57,47 @@ class Overrides(Subcommand):
         from ttwmr_mj.scenario.file import load_scenario
 
         return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragment)
+
+
+class Live(Quiet):
+    """Subcommands that can be looked at while they run."""
+
+    live: str | None = option(
+        "show it while it runs: in a window, or without a display in a browser; =web: in a "
+        "browser; =rerun+http://HOST:PORT/proxy: in a viewer that runs",
+        metavar="HOW",
+        bare="auto",
+    )
+    pace: float | None = option(
+        "simulated seconds per second, 0: as fast as it can; default: 1 with --live, else 0",
+        metavar="SPEED",
+    )
+
+    def make_pace(self) -> Pace:
+        """The pace the user wants."""
+        from ttwmr_mj.runs.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
+
+        speed = float(self.live is not None) if self.pace is None else self.pace
+        return Pace(speed, REPORT_EVERY_S if self.live is None else LIVE_REPORT_EVERY_S)
+
+    @contextmanager
+    def live_view(self) -> Iterator[LiveView | None]:
+        """The viewer the user wants to look on with, if any; kept open at the end on a terminal."""
+        if self.live is None:
+            yield None
+            return
+        from ttwmr_mj.recording.live import LiveView
+        from ttwmr_mj.recording.viewer import choose_viewer
+
+        with LiveView(choose_viewer(self.live)) as live:
+            if live.viewer.page:
+                print(f"open in a browser: {live.viewer.page}", flush=True)
+            yield live
+            if live.fault:
+                warn([f"the viewer ended early: {live.fault}"])
+            if live.viewer.page and live.alive and sys.stdin.isatty():
+                print("the page is served until Ctrl-C", flush=True)
+                live.linger()
 
 
 def warn(lines: list[str]) -> None:
