@@ -105,7 +105,9 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
     return Computed(rows, result)
 
 
-def computed_shards(plan: Plan, chunks: Iterable[IntArray], compute: Compute) -> Iterator[Computed]:
+def computed_shards(
+    plan: Plan, chunks: Iterable[IntArray], compute: Compute
+) -> Generator[Computed, None, None]:
     """Every chunk's shard, in the order in which they are done; what breaks is halved."""
     halves: deque[IntArray] = deque()
     waiting = iter(chunks)

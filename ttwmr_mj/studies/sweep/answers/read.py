@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
 
 BoolArray = np.ndarray
-SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 
 
 @dataclass(frozen=True)
