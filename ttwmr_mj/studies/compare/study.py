@@ -17,6 +17,7 @@ from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
+from ttwmr_mj.studies.compare.report import write_report
 from ttwmr_mj.studies.compare.variants import Progress
 
 SCHEMA_VERSION = 1
@@ -148,6 +149,8 @@ def _write(
     write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
     if findings.fit:
         write_text(folder / "fitted.toml", findings.fit.as_toml())
+    if findings.attribution:
+        write_parquet(findings.attribution.to_table(), folder / "attribution.parquet")
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
@@ -157,6 +160,7 @@ def _write(
         from ttwmr_mj.studies.compare.text import markdown, short_markdown
 
         record_comparison(pair, folder / "run.rrd", short_markdown(report), markdown(report))
+    write_report(report, folder)
 
 
 def _refuse_contradictions(scenario: Scenario, options: Options) -> None:

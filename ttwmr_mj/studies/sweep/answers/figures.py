@@ -200,7 +200,7 @@ def _band(axes: Axes, x: np.ndarray, groups: list[Group], shown: Shown, colour: 
     top = np.where(np.isinf(ends[:, 1]), 1e9, ends[:, 1])
     axes.fill_between(x, ends[:, 0], top, where=known, color=colour, alpha=0.18, linewidth=0)
     upper = shown.factor * np.array([g.outer[1] for g in groups])
-    axes.plot(x, np.where(np.isinf(upper), 1e9, upper), ":", color=colour, linewidth=1.2)
+    axes.plot(x, np.where(np.isinf(upper), np.nan, upper), ":", color=colour, linewidth=1.2)
 
 
 def _fit_to(axes: Axes, groups: list[Group], shown: Shown) -> None:
@@ -241,7 +241,7 @@ def _draw_sensitivity(
             for i, index in enumerate(one.indices or ()):
                 value, low, high = getattr(index, kind)
                 bars = [[max(0.0, value - low)], [max(0.0, high - value)]]
-                fill = colour if index.converged else "#FEFEFE"
+                fill = colour if index.converged else "none"
                 axes.errorbar(
                     value, i + shift, xerr=bars, fmt=mark, color=colour, mfc=fill, ms=5, capsize=2
                 )
@@ -257,7 +257,7 @@ def _draw_sensitivity(
 def _name_indices(axes: Axes) -> None:
     axes.plot([], [], "o", color=BLUE, label="first order: alone")
     axes.plot([], [], "s", color=VERMILION, label="total: with all it does together with others")
-    axes.plot([], [], "o", color=GREY, mfc="#FEFEFE", label="not converged")
+    axes.plot([], [], "o", color=GREY, mfc="none", label="not converged")
 
 
 def _kind(of: str, shown: Shown) -> str:

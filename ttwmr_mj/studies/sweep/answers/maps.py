@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -39,7 +40,7 @@ def draw_map(figure: Figure, drawn: Map, shown: Shown) -> None:
         kinds.append((f"median of\n{shown.label}", medians, _span(medians)))
     for i, (row, (label, values, span)) in enumerate(zip(grid, kinds, strict=True)):
         for axes, name in zip(row, names, strict=True):
-            mesh = _colour(axes, values[name], span)
+            mesh = _colour(axes, values[name], span, number if i else _rounded)
             _ticks(axes, drawn.across, drawn.up)
             if i == 0 and name:
                 axes.set_title(name)
@@ -63,7 +64,13 @@ def _span(values: dict[str, np.ndarray]) -> tuple[float, float]:
     return (float(finite.min()), float(finite.max())) if finite.size else (0.0, 1.0)
 
 
-def _colour(axes: Axes, values: np.ndarray, span: tuple[float, float]) -> Any:
+def _rounded(value: float) -> str:
+    return f"{value:.0f}"
+
+
+def _colour(
+    axes: Axes, values: np.ndarray, span: tuple[float, float], said: Callable[[float], str]
+) -> Any:
     from matplotlib import colormaps
     from matplotlib.colors import LogNorm, Normalize
 
@@ -77,7 +84,7 @@ def _colour(axes: Axes, values: np.ndarray, span: tuple[float, float]) -> Any:
     if values.shape[1] <= MOST_NUMBERS:
         for (row, column), value in np.ndenumerate(values):
             dark = (np.isfinite(value) and float(norm(value)) > 0.5) or np.isposinf(value)
-            text = "" if np.isnan(value) else number(value)
+            text = "" if np.isnan(value) else said(float(value))
             middle: dict[str, Any] = {"ha": "center", "va": "center", "fontsize": 7.5}
             axes.text(column + 0.5, row + 0.5, text, color=WHITE if dark else BLACK, **middle)
     return mesh
