@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
+from ttwmr_mj.errors import InputError
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
@@ -79,6 +80,16 @@ class Live(Quiet):
 
         speed = float(self.live is not None) if self.pace is None else self.pace
         return Pace(speed, REPORT_EVERY_S if self.live is None else LIVE_REPORT_EVERY_S)
+
+    def check_recording(self, scenario: Scenario) -> None:
+        """What is shown is the recording.
+
+        Raises:
+            InputError: it shall be shown and is not made.
+        """
+        if self.live is not None and not scenario.output.recording:
+            problem = "what is shown is the recording, which output.recording switches off"
+            raise InputError.at("--live", problem, hint="set output.recording=true")
 
     @contextmanager
     def live_view(self) -> Iterator[LiveView | None]:

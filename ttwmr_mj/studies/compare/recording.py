@@ -12,12 +12,16 @@ from rerun.blueprint import Corner2D
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import layout, style
 from ttwmr_mj.recording.floor import floor_corners
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import Scene, driven_paths
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column
 from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.pair import Pair
 
 GHOST = "world/analytic"  # the analytic model's robot
@@ -62,28 +66,53 @@ def record_comparison(pair: Pair, path: Path, summary_markdown: str) -> None:
     Raises:
         InputError: the file cannot be created.
     """
-    name = pair.contact.scenario.name
-    with _Recorder(path, f"{name}, compared", _blueprint(name)) as recorder:
-        recorder.write(pair, summary_markdown)
+    with ComparisonRecorder(path, pair.contact.scenario) as recorder:
+        recorder.append(pair.contact.trajectory, pair.analytic)
+        recorder.finish(pair, summary_markdown)
 
 
-class _Recorder(RrdFile):
-    """Writes a comparison at once."""
+class ComparisonRecorder(RrdFile):
+    """Writes a comparison, both robots while they run; a context manager.
 
-    def write(self, pair: Pair, summary_markdown: str) -> None:
-        """Report, both robots, deviations."""
-        self._report(summary_markdown)
-        scenario, robot, rows = pair.contact.scenario, pair.contact.robot, pair.contact.trajectory
-        model = build_model(robot, scenario.plant.contact)
+    Args:
+        path: the .rrd file, overwritten.
+        scenario: what is compared.
+        live: shows it while it is written.
+
+    Raises:
+        InputError: the file cannot be created.
+    """
+
+    def __init__(self, path: Path, scenario: Scenario, live: LiveView | None = None) -> None:
+        name = scenario.name
+        super().__init__(path, f"{name}, compared", _blueprint(name), live)
+        self._robot = scenario.robot
+        model = build_model(self._robot, scenario.plant.contact)
         reference = sample_reference(scenario)
-        real = Scene(self._stream, model, robot, reference, floor_corners(reference))
-        real.append(rows, Curves.of(rows, robot))
-        ghost = Scene(self._stream, _ghost_of(model), robot, root=GHOST)
-        ghost.append(pair.analytic, Curves.of(pair.analytic, robot))
-        _log_miss(self._stream, pair, time_column(rows.time_s))
-        series = SeriesLog(self._stream)
-        for name, values in _values(pair).items():
-            series.append(f"plots/{name}/true", PLOTS[name][1], rows.time_s, values)
+        floor_m = floor_corners(reference)
+        self._real = Scene(self._stream, model, self._robot, reference, floor_m)
+        self._ghost = Scene(self._stream, _ghost_of(model), self._robot, root=GHOST)
+        self._series = SeriesLog(self._stream)
+
+    def append(self, contact: Trajectory, analytic: Trajectory) -> None:
+        """Record the next rows of both plants, at the same times."""
+        self._check_open()
+        self._real.append(contact, Curves.of(contact, self._robot))
+        self._ghost.append(analytic, Curves.of(analytic, self._robot))
+        self._plot(contact.time_s, _deviations(Deviation.between(contact, analytic)))
+        self._stream.flush()
+
+    def finish(self, pair: Pair, summary_markdown: str) -> None:
+        """Record what can be told only of whole runs, and the report."""
+        self._check_open()
+        self._report(summary_markdown)
+        time_s = pair.contact.trajectory.time_s
+        _log_miss(self._stream, pair, time_column(time_s))
+        self._plot(time_s, _residuals(pair))
+
+    def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
+        for name, curves in values.items():
+            self._series.append(f"plots/{name}/true", PLOTS[name][1], time_s, curves)
 
 
 def _ghost_of(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -110,17 +139,20 @@ def _log_miss(stream: rr.RecordingStream, pair: Pair, now: rr.TimeColumn) -> Non
     stream.send_columns(MISS, [now], columns)
 
 
-def _values(pair: Pair) -> dict[str, FloatArray]:
+def _deviations(deviation: Deviation) -> dict[str, FloatArray]:
     """Plot → values (n, curves)."""
-    deviation, residuals = pair.deviation, pair.residuals
-    slip = residuals.slip_aside_m_s[:, :2], residuals.slip_along_m_s[:, :2]
-    lost = 1e3 * residuals.energy_lost_j, 1e5 * residuals.trailer_torque_n_m
     return {
         "position": 1e3 * np.column_stack(list(deviation.position_curves.values())),
         "angles": 1e3 * np.column_stack(list(deviation.angle_curves.values())),
-        "slip": 1e3 * np.hstack(slip),
-        "residuals": np.column_stack(lost),
     }
+
+
+def _residuals(pair: Pair) -> dict[str, FloatArray]:
+    """Plot → values (n, curves)."""
+    residuals = pair.residuals
+    slip = residuals.slip_aside_m_s[:, :2], residuals.slip_along_m_s[:, :2]
+    lost = 1e3 * residuals.energy_lost_j, 1e5 * residuals.trailer_torque_n_m
+    return {"slip": 1e3 * np.hstack(slip), "residuals": np.column_stack(lost)}
 
 
 def _blueprint(name: str) -> rrb.Blueprint:

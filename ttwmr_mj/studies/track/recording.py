@@ -8,6 +8,7 @@ import rerun.blueprint as rrb
 
 from ttwmr_mj.recording import layout, style
 from ttwmr_mj.recording.camera_view import CameraView
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.series import Series, SeriesLog
 from ttwmr_mj.state import FloatArray
@@ -30,13 +31,21 @@ class TrackRecorder(RrdFile):
         name: of the recording.
         camera: the calibrated camera.
         labels: on the robot.
+        live: shows it while it is written.
 
     Raises:
         InputError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, name: str, camera: CameraModel, labels: LabelLayout) -> None:
-        super().__init__(path, name, _blueprint(name))
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        camera: CameraModel,
+        labels: LabelLayout,
+        live: LiveView | None = None,
+    ) -> None:
+        super().__init__(path, name, _blueprint(name), live)
         self._view = CameraView(self._stream, camera, labels)
         self._series = SeriesLog(self._stream)
 
