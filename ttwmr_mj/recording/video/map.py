@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import style
@@ -18,6 +19,7 @@ MARGIN_M = 0.2  # around the paths
 TOP_PX, BOTTOM_PX = 46, 14  # kept free for words
 GRID_M = 0.1
 ROUNDING_M = 0.003  # of the robots outlines
+Pixels = NDArray[np.int32]
 SHIFT = 4  # coordinates are given to OpenCV in sixteenths of a pixel
 BANDS = {"trailer reference": 4, "reference": 7}  # widths in pixels
 LINES: dict[str, Colour] = {"trailer": style.TRAILER, "tractor": style.TRACTOR}
@@ -50,13 +52,11 @@ class Map:
         self._until(0)
         model = build_model(footage.scenario.robot, footage.scenario.plant.contact)
         poses = BodyPoses(model)
-        self._shapes = {
-            name: outline(model, body, ROUNDING_M) for name, body in chassis(model).items()
-        }
-        self._bodies = chassis(model)
+        self._bodies = bodies = chassis(model)
+        self._shapes = {name: outline(model, body, ROUNDING_M) for name, body in bodies.items()}
         self._now = poses.standing_at(footage.q)
         self._reference = poses.standing_at(np.nan_to_num(footage.at(footage.rows.ref_q[:, 0])))
-        self._known = np.isfinite(footage.at(footage.rows.ref_q[:, 0])).all(axis=1)
+        self._known = np.asarray(np.isfinite(footage.at(footage.rows.ref_q[:, 0])).all(axis=1))
 
     def at(self, frame: int) -> Image:
         """The picture (height, width, 3) RGB at a frame; frames only go on."""
@@ -77,16 +77,12 @@ class Map:
         corners = self._corners(name, poses, frame)
         cv2.polylines(picture, [corners], True, style.REFERENCE, 2, cv2.LINE_AA, SHIFT)
 
-    def _corners(
-        self, name: str, poses: tuple[FloatArray, FloatArray], frame: int
-    ) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
+    def _corners(self, name: str, poses: tuple[FloatArray, FloatArray], frame: int) -> Pixels:
         body = self._bodies[name]
         w, x, y, z = poses[1][frame, body]
         c, s = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z)
         shape = self._shapes[name][:, :2]
-        turned = np.column_stack(
-            [c * shape[:, 0] - s * shape[:, 1], s * shape[:, 0] + c * shape[:, 1]]
-        )
+        turned = shape @ np.array([[c, s], [-s, c]])
         return self._px(poses[0][frame, body, :2] + turned)
 
     def _until(self, frame: int) -> None:
@@ -98,14 +94,8 @@ class Map:
             self._drawn = frame
 
     def _draw_grid(self, width: int, height: int) -> None:
-        low = self._middle_m + (np.array([0.0, height]) - self._middle_px) / [
-            self._scale,
-            -self._scale,
-        ]
-        high = self._middle_m + (np.array([width, 0.0]) - self._middle_px) / [
-            self._scale,
-            -self._scale,
-        ]
+        ends_px = np.array([[0.0, height], [width, 0.0]])
+        low, high = self._middle_m + (ends_px - self._middle_px) / [self._scale, -self._scale]
         for axis in range(2):
             for value in np.arange(np.ceil(low[axis] / GRID_M), high[axis] / GRID_M) * GRID_M:
                 ends = np.array([low, high])
@@ -119,7 +109,7 @@ class Map:
                 px = [self._px(piece)]
                 cv2.polylines(picture, px, False, colour, width, cv2.LINE_AA, SHIFT)
 
-    def _px(self, points_m: FloatArray) -> np.ndarray[tuple[int, ...], np.dtype[np.int32]]:
+    def _px(self, points_m: FloatArray) -> Pixels:
         """OpenCV's coordinates of points on the floor: right and down, in sixteenths."""
         px = self._middle_px + (points_m - self._middle_m) * [self._scale, -self._scale]
-        return np.rint(px * (1 << SHIFT)).astype(np.int32)
+        return np.asarray(np.rint(px * (1 << SHIFT)), dtype=np.int32)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from itertools import pairwise
 from typing import Any
 
 import mujoco
@@ -135,7 +136,7 @@ class Stage:
         time_s = self._footage.rows.time_s
         for name, points in self._footage.paths_m().items():
             kept = _spaced(points)
-            for k, m in zip(kept[:-1], kept[1:], strict=True):
+            for k, m in pairwise(kept):
                 if np.isfinite(points[[k, m]]).all():
                     appears_s = time_s[m] if name in DRIVEN else -1.0
                     pieces.append((appears_s, points[k], points[m], name))

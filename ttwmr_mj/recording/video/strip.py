@@ -68,8 +68,8 @@ def _draw(
     for one in axes:
         _dress(one, footage)
     canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    picture = np.asarray(canvas.buffer_rgba())[..., :3].copy()
+    canvas.draw()  # type: ignore[no-untyped-call]
+    picture = np.array(canvas.buffer_rgba())[..., :3]  # type: ignore[no-untyped-call]
     spans = []
     for one in axes:
         box = one.get_window_extent()
@@ -105,7 +105,7 @@ def _title(axes: Axes, parts: Sequence[tuple[str, Colour | None]]) -> None:
     ]
     box = AnchoredOffsetbox(
         loc="lower left",
-        child=HPacker(children=areas, pad=0, sep=6),
+        child=HPacker(children=[*areas], pad=0, sep=6),
         frameon=False,
         bbox_to_anchor=(0.0, 1.0),
         bbox_transform=axes.transAxes,
