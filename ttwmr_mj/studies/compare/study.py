@@ -21,7 +21,7 @@ from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
-from ttwmr_mj.studies.compare.text import markdown
+from ttwmr_mj.studies.compare.text import markdown, short_markdown
 from ttwmr_mj.studies.compare.variants import Progress
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ def compare_scenario(
         report = _report(pair, findings, options, exceeded)
         _write(folder, pair, findings, report, options)
         if recorder:
-            recorder.finish(pair, markdown(report))
+            recorder.finish(pair, short_markdown(report), markdown(report))
     return Comparison(folder, report, exceeded)
 
 
