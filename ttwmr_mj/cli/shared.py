@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -91,24 +90,11 @@ class Live(Quiet):
             problem = "what is shown is the recording, which output.recording switches off"
             raise InputError.at("--live", problem, hint="set output.recording=true")
 
-    @contextmanager
-    def live_view(self) -> Iterator[LiveView | None]:
-        """The viewer the user wants to look on with, if any; kept open at the end on a terminal."""
-        if self.live is None:
-            yield None
-            return
-        from ttwmr_mj.recording.live import LiveView
-        from ttwmr_mj.recording.viewer import choose_viewer
+    def live_view(self) -> AbstractContextManager[LiveView | None]:
+        """The viewer the user wants to look on with, if any."""
+        from ttwmr_mj.cli.viewing import viewing
 
-        with LiveView(choose_viewer(self.live)) as live:
-            if live.viewer.page:
-                print(f"open in a browser: {live.viewer.page}", flush=True)
-            yield live
-            if live.fault:
-                warn([f"the viewer ended early: {live.fault}"])
-            if live.viewer.page and live.alive and sys.stdin.isatty():
-                print("the page is served until Ctrl-C", flush=True)
-                live.linger()
+        return viewing(self.live)
 
 
 def warn(lines: list[str]) -> None:

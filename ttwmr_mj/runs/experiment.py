@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -70,13 +70,20 @@ class Experiment:
         sensor: made anew at every run; None before the first.
     """
 
-    def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: Path | None = None,
+        nsim: int = 1,
+        controller: Controller | None = None,
+    ) -> None:
         """Build it.
 
         Args:
             scenario: what to run.
             folder: where a custom controller is looked for first.
             nsim: simulations in the batch.
+            controller: drives instead of the scenario's own.
 
         Raises:
             InputError: it cannot be built.
@@ -88,7 +95,8 @@ class Experiment:
         self.sensor: Sensor | None = None
         self._folder = folder or Path()
         self._told = build.believed_reference(scenario)
-        self._controller = build.make_controller(scenario, self._told, self._folder)
+        own = build.make_controller(scenario, self._told, self._folder)
+        self._controller = controller or own
 
     def run(
         self,
