@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -19,6 +19,7 @@ from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.pace import Pace, behind
 from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
+from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
 
@@ -77,9 +78,37 @@ def run_scenario(
     Raises:
         InputError: the scenario cannot be built.
     """
+    experiment = Experiment(scenario, scenario_folder)
+    return run_experiment(
+        experiment, folder, command_line=command_line, progress=progress, live=live, pace=pace
+    )
+
+
+def run_experiment(
+    experiment: Experiment,
+    folder: Path,
+    *,
+    command_line: list[str] | None = None,
+    progress: Progress | None = None,
+    live: LiveView | None = None,
+    pace: Pace | None = None,
+    replayed: Callable[[Result], Scenario] | None = None,
+) -> Run:
+    """Run what has been built; arguments as of `run_scenario`.
+
+    Args:
+        experiment: not yet run.
+        folder: an existing folder for the files.
+        command_line: for the manifest.
+        progress: called now and then with the simulated time [s].
+        live: shows the recording while it is written.
+        pace: how fast; None: as fast as it can.
+        replayed: the scenario that the files tell, once it is known how the run went; None: the
+            experiment's own.
+    """
     pace = pace or Pace()
     watch = Stopwatch()
-    experiment = Experiment(scenario, scenario_folder)
+    scenario = experiment.scenario
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
     contact = _physics_rate_plant(experiment)
@@ -87,7 +116,10 @@ def run_scenario(
         contact.keep_physics_rate()
     watch.lap("setup")
     frames = _frame_export(scenario, folder)
-    result = _simulate(experiment, folder, frames, progress, live, pace)
+    result = _simulate(experiment, folder, frames, progress, live, pace, replayed)
+    if replayed is not None:
+        scenario = result.scenario
+        write_resolved(folder, scenario)
     if frames is not None:
         frames.finish()
     watch.lap("recording")
@@ -180,6 +212,7 @@ def _simulate(
     progress: Progress | None,
     live: LiveView | None,
     pace: Pace,
+    replayed: Callable[[Result], Scenario] | None,
 ) -> Result:
     """Run, with a recorder open if one is wanted: the recording is readable whatever happens."""
     scenario = experiment.scenario
@@ -191,6 +224,10 @@ def _simulate(
         report = _reporter(experiment, background, recorder, frames, progress, pace)
         result = experiment.run(report, pace=pace)
         background.wait()
+        if replayed is not None:
+            scenario = replayed(result)
+            asked = demands_of(scenario, experiment.reference)
+            result = replace(result, scenario=scenario, demands=asked)
         if recorder is not None:
             wall_time_s = sum(result.wall_time_s.values())
             metrics = metrics_of(result, scenario, wall_time_s)

@@ -44,6 +44,7 @@ class Simulations:
         *,
         draws: Sequence[int] | None = None,
         nthread: int = 0,
+        controller: Controller | None = None,
     ) -> None:
         """Build it.
 
@@ -53,6 +54,7 @@ class Simulations:
             draws: which of its seed's random numbers each gets: 0 those of a run alone, 1 others,
                 and so on; None: 0.
             nthread: threads of contact physics; 0: one per processor.
+            controller: drives all of them instead of the scenarios' own.
 
         Raises:
             InputError: they cannot be built.
@@ -64,7 +66,8 @@ class Simulations:
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
         self.sensor: Sensor | None = None
         self._told = _once(build.believed_reference, self.scenarios, _told_by)
-        self._laws = self._grouped_laws()
+        own = self._grouped_laws()
+        self._laws = [(controller, [*range(self.nsim)])] if controller else own
 
     @property
     def nsim(self) -> int:

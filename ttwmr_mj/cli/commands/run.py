@@ -34,6 +34,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         if not self.quiet:
             warn(warnings(scenario))
         pace = self.make_pace()
+        self.check_recording(scenario)
         folder = self.open_folder(scenario.name, scenario.seed)
         with self.live_view() as live:
             with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
