@@ -44,7 +44,8 @@ SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
-    f"run a.toml {SHARED} --out o --force --quiet --save-frames --paper-plots --require lost --debug": RunCommand(
+    f"run a.toml {SHARED} --out o --force --quiet --save-frames --paper-plots "
+    "--require lost --debug": RunCommand(
         scenario="a.toml",
         save_frames=True,
         paper_plots=True,
