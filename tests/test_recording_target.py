@@ -17,8 +17,8 @@ from recordings import (
     robot_model,
 )
 
+from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.recording.layout import plot_view, roomy
-from ttwmr_mj.recording.outline import chassis, outline
 from ttwmr_mj.recording.target import distance, miss_text, spaced
 from ttwmr_mj.recording.words import drawable
 from ttwmr_mj.results.curves import Curves

@@ -24,6 +24,7 @@ def option(
     *,
     name: str | None = None,
     metavar: str | None = None,
+    several: bool = False,
     bare: str | None = None,
 ) -> Any:
     """A named option; a tuple may be given several times.
@@ -34,10 +35,11 @@ def option(
             option is required. So it is for arguments, but for tuples.
         name: as typed; None: the field's name as --field-name.
         metavar: placeholder for the value in the help.
+        several: whether a tuple takes several values at once.
         bare: the value where the option is typed without one; another is typed as --name=value.
     """
-    metadata = {"help": text, "name": name, "metavar": metavar, "bare": bare}
-    return field(default=default, metadata=metadata)
+    told = {"help": text, "name": name, "metavar": metavar, "several": several, "bare": bare}
+    return field(default=default, metadata=told)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,6 +111,8 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
         settings |= {"dest": entry.name, "required": required}
         if entry.metadata["metavar"]:
             settings["metavar"] = entry.metadata["metavar"]
+        if entry.metadata["several"]:
+            settings |= {"action": "extend", "nargs": "+"}
     else:
         typed = entry.name
         if settings.pop("action", None) == "append":

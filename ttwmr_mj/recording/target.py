@@ -5,9 +5,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.floor import BAND_HEIGHT_M, BORDER_HEIGHT_M, PLACE_HEIGHT_M, lift
-from ttwmr_mj.recording.outline import chassis, outline
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.recording.style import Colour

@@ -17,7 +17,7 @@ from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.pace import Pace, behind
-from ttwmr_mj.runs.report import details_text, result_text, summary
+from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
@@ -132,12 +132,24 @@ def run_experiment(
         state = RobotState(states.q[0], states.q_rate[0])
         write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
     watch.lap("files")
-    if scenario.output.figures and len(result.trajectory) > 1:
-        from ttwmr_mj.figures.run import write_run_figures
-
-        write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
+    if len(result.trajectory) > 1:
+        _draw(result.trajectory, scenario, metrics, folder)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares}, pace.told())
+
+
+def _draw(
+    trajectory: Trajectory, scenario: Scenario, metrics: dict[str, Any], folder: Path
+) -> None:
+    """The figures that are wanted."""
+    if scenario.output.figures:
+        from ttwmr_mj.figures.summary import write_summary
+
+        write_summary(trajectory, scenario.robot, folder, figure_title(scenario, metrics))
+    if scenario.output.paper_plots:
+        from ttwmr_mj.figures.run import write_run_figures
+
+        write_run_figures(trajectory, scenario.robot, folder / "figures", scenario.name)
 
 
 def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
@@ -162,19 +174,10 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
-    rows = judged(result.trajectory, scenario)
-    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
-    (verdict,) = result.verdicts
-    took = result.control_time_s
+    (outcome,), took = result.outcomes, result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
-        "verdict": verdict.name,
-        "verdict_reason": verdict.what,
-        "status": outcome.status,
-        "reason": outcome.reason,
-        "end_time_s": outcome.time_s,
-        **numbers,
-        **frame_metrics(scenario),
+        **repeatable_metrics(result, scenario),
         "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
         # Commands that took longer than a period, on this machine under its load. On a real robot
         # they would come too late; here they are used all the same, so that results do not depend
@@ -183,6 +186,22 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "control_slowest_s": float(took.max()) if took.size else None,
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
+    }
+
+
+def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
+    """What is in metrics.json whenever the run is repeated: all but the times it took."""
+    rows = judged(result.trajectory, scenario)
+    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
+    (verdict,) = result.verdicts
+    return {
+        "verdict": verdict.name,
+        "verdict_reason": verdict.what,
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "end_time_s": outcome.time_s,
+        **numbers,
+        **frame_metrics(scenario),
     }
 
 

@@ -21,6 +21,7 @@ from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
+from ttwmr_mj.studies.compare.report import write_report
 from ttwmr_mj.studies.compare.text import markdown, short_markdown
 from ttwmr_mj.studies.compare.variants import Progress
 
@@ -174,10 +175,13 @@ def _write(
     write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
     if findings.fit:
         write_text(folder / "fitted.toml", findings.fit.as_toml())
+    if findings.attribution:
+        write_parquet(findings.attribution.to_table(), folder / "attribution.parquet")
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
         write_compare_figures(pair, folder / "figures", report["scenario"], *findings)
+    write_report(report, folder)
 
 
 def _recorder(folder: Path, scenario: Scenario, live: LiveView | None) -> ComparisonRecorder:
