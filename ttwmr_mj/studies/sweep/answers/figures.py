@@ -197,8 +197,8 @@ def _intervals(
     ends = np.clip(values, -far, far)
     ends[~np.isfinite(values[:, 1]) & ~np.isfinite(values[:, 2]), 1:] = np.nan
     bars = np.abs(ends[:, 1:] - ends[:, :1]).T
-    axes.errorbar(x, values[:, 0], bars, fmt=mark, color=colour, ms=4, capsize=2.5, lw=1.2)
-    axes.plot([], [], mark, color=colour, ms=4, label=label)
+    axes.errorbar(x, values[:, 0], bars, fmt="none", ecolor=colour, capsize=2.5, elinewidth=1.2)
+    axes.plot(x, values[:, 0], mark, color=colour, markersize=4, linewidth=1.2, label=label)
 
 
 def _band(axes: Axes, x: np.ndarray, groups: list[Group], shown: Shown, colour: str) -> None:
