@@ -97,7 +97,33 @@ CASES: dict[str, tuple[str, list[str], dict[str, tuple[float, float]]]] = {
     ),
     "flatness": ("inverted_trailer", ["controller.recovery='own'"], CHANNELS),
     "torque": ("inverted_trailer_torque", ["controller.recovery='own'"], {}),
-    "analytic": ("lab_circle", ["plant.kind='analytic'"], LYAPUNOV | CHANNELS | START),
+    "analytic": (
+        "lab_circle",
+        ["plant.kind='analytic'"],
+        LYAPUNOV
+        | CHANNELS
+        | START
+        | {"robot.hitch.coulomb_friction_n_m": (1e-5, 1e-3), "ground.slope_rad": (0.01, 0.02)}
+        | {"robot.casters.rolling_resistance_m": (1e-5, 1e-4)},
+    ),
+    "analytic, sprung": (
+        "lab_circle",
+        ["plant.kind='analytic'", "plant.analytic.published_spring=true"],
+        {"robot.hitch.stiffness_n_m_rad": (0.01, 0.1), "robot.trailer.com_lateral_m": (1e-3, 5e-3)},
+    ),
+    "extended": (
+        "lab_circle",
+        [
+            "plant.kind='analytic'",
+            "plant.analytic.extended={wheel_radius_m=0.026, track_width_m=0.119, "
+            "servo_time_constant_s=2e-5, slip_time_s=7e-4, hitch_coulomb_friction_n_m=1e-4, "
+            "caster_mass_kg=1e-3, rolling_resistance_m=1e-5}",
+        ],
+        {"plant.analytic.extended.slip_time_s": (5e-4, 8e-4), "ground.slope_rad": (0.01, 0.02)}
+        | {"plant.analytic.extended.wheel_radius_m": (0.0255, 0.0265)}
+        | {"plant.analytic.extended.hitch_coulomb_friction_n_m": (1e-5, 1e-3)}
+        | {"robot.casters.trailer_half_spacing_m": (0.04, 0.06)},
+    ),
     "kinetic": (
         "inverted_trailer_torque",
         ["plant.kind='analytic'", "controller.recovery='own'"],
