@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -290,3 +291,10 @@ def test_an_impossible_row_is_refused() -> None:
     rows[1] = rows[1].model_copy(update={"robot": train})
     with pytest.raises(InputError, match="trailers"):
         run_batch(rows)
+
+
+def test_the_example_in_the_docs_runs(capsys: pytest.CaptureFixture[str]) -> None:
+    page = (HERE.parent / "docs" / "throughput.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.M | re.S)
+    exec(code, {})  # ours
+    assert len(capsys.readouterr().out.splitlines()) == 6

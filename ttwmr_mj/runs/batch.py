@@ -11,7 +11,6 @@ from ttwmr_mj.config import batch_shape
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.loop import Loop
 from ttwmr_mj.runs.simulations import Simulations
-from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -90,5 +89,5 @@ def _result(simulations: Simulations, loop: Loop, index: int) -> Result:
         outcomes=(loop.ends[index],),
         wall_time_s={part: s / simulations.nsim for part, s in loop.watch.parts.items()},
         control_time_s=np.array(loop.control_time_s[:length]) / simulations.nsim,
-        demands=demands_of(scenario, simulations.references[index]),
+        demands=simulations.demands[index],
     )
