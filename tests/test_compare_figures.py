@@ -84,7 +84,19 @@ def test_bars_say_what_contributes(
     ]
     empty = [row("servo", 0.0, None), row("rest", 0.0, None), row("total", 0.0, None)]
     tables = {"position": rows, "theta2": empty}
-    write_compare_figures(pair, tmp_path, "turn", attribution=SimpleNamespace(tables=tables))
+    stack = {"servo": np.array([1e-3, 2e-3]), "rest": np.array([-1e-3, 0.0])}
+    stack["total"] = stack["servo"] + stack["rest"]
+    found = SimpleNamespace(
+        tables=tables, curves={"position": stack, "theta2": stack}, time_s=np.array([0.0, 0.1])
+    )
+    curves = drawn(monkeypatch)
+    write_compare_figures(pair, tmp_path, "turn", attribution=found)
+    for label in ("deviation of P\n[mm]", "deviation of θ2\n[mrad]"):
+        x, y = curves["contributions"][f"{label} what was measured"]
+        assert (x, y) == ([0.0, 0.1], [0.0, 2.0])
+    assert {"servo lag and droop", "unexplained remainder"} <= set(
+        labels(tmp_path / "contributions.svg")
+    )
     assert widths == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
     texts = labels(tmp_path / "attribution.svg")
     assert "rms deviation of P [mm]" in texts
@@ -106,10 +118,13 @@ def test_the_study_of_convergence_is_a_line_per_angle_and_position(
     curves = drawn(monkeypatch)
     write_compare_figures(pair, tmp_path, "turn", convergence=convergence)
     assert curves["convergence"] == {
-        "P [mm]: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
-        "θ1 [mrad]": ([2.0, 1.0], [4.0, 2.0]),
-        "θ2 [mrad]: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
+        "P: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
+        "θ1": ([2.0, 1.0], [4.0, 2.0]),
+        "θ2: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
     }
+    # each unit has its own axes
+    texts = labels(tmp_path / "convergence.svg")
+    assert {"largest deviation of P [mm]", "largest deviation of angles [mrad]"} <= set(texts)
 
 
 def test_the_fit_is_held_against_a_factor_of_five(
