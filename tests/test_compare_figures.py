@@ -102,8 +102,13 @@ def studies(pair: Pair, tmp_path_factory: pytest.TempPathFactory) -> Studies:
         widths.append(width)
         return barh(axes, names, width, **looks)
 
-<<<<<<< HEAD
-    attribution = SimpleNamespace(tables={"position": ROWS, "theta2": EMPTY})
+    stack = {"servo": np.array([1e-3, 2e-3]), "rest": np.array([-1e-3, 0.0])}
+    stack["total"] = stack["servo"] + stack["rest"]
+    attribution = SimpleNamespace(
+        tables={"position": ROWS, "theta2": EMPTY},
+        curves={"position": stack, "theta2": stack},
+        time_s=np.array([0.0, 0.1]),
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Axes, "barh", spy)
         curves = drawn(patch)
@@ -114,31 +119,6 @@ def studies(pair: Pair, tmp_path_factory: pytest.TempPathFactory) -> Studies:
 def test_bars_say_what_contributes(studies: Studies) -> None:
     assert studies.widths[:2] == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
     texts = labels(studies.folder / "attribution.svg")
-=======
-    monkeypatch.setattr(Axes, "barh", spy)
-    rows = [
-        row("servo", 0.003, 0.75),
-        row("rest", -1e-9, -2.5e-7),  # nothing, and no minus sign either
-        row("total", 0.004, 1.0),
-    ]
-    empty = [row("servo", 0.0, None), row("rest", 0.0, None), row("total", 0.0, None)]
-    tables = {"position": rows, "theta2": empty}
-    stack = {"servo": np.array([1e-3, 2e-3]), "rest": np.array([-1e-3, 0.0])}
-    stack["total"] = stack["servo"] + stack["rest"]
-    found = SimpleNamespace(
-        tables=tables, curves={"position": stack, "theta2": stack}, time_s=np.array([0.0, 0.1])
-    )
-    curves = drawn(monkeypatch)
-    write_compare_figures(pair, tmp_path, "turn", attribution=found)
-    for label in ("deviation of P\n[mm]", "deviation of θ2\n[mrad]"):
-        x, y = curves["contributions"][f"{label} what was measured"]
-        assert (x, y) == ([0.0, 0.1], [0.0, 2.0])
-    assert {"servo lag and droop", "unexplained remainder"} <= set(
-        labels(tmp_path / "contributions.svg")
-    )
-    assert widths == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
-    texts = labels(tmp_path / "attribution.svg")
->>>>>>> answers
     assert "rms deviation of P [mm]" in texts
     assert "rms deviation of θ2 [mrad]" in texts
     assert [text for text in texts if text.endswith(" %")] == ["100.0 %", "0.0 %", "75.0 %"]
@@ -146,32 +126,22 @@ def test_bars_say_what_contributes(studies: Studies) -> None:
     assert "total (rms)" in texts
 
 
-<<<<<<< HEAD
+def test_contributions_are_stacked_below_what_was_measured(studies: Studies) -> None:
+    for label in ("deviation of P\n[mm]", "deviation of θ2\n[mrad]"):
+        measured = studies.curves["contributions"][f"{label} what was measured"]
+        assert measured == ([0.0, 0.1], [0.0, 2.0])
+    texts = labels(studies.folder / "contributions.svg")
+    assert {"servo lag and droop", "unexplained remainder"} <= set(texts)
+
+
 def test_the_study_of_convergence_is_a_line_per_angle_and_position(studies: Studies) -> None:
     assert studies.curves["convergence"] == {
-        "P [mm]: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
-        "θ1 [mrad]": ([2.0, 1.0], [4.0, 2.0]),
-        "θ2 [mrad]: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
-=======
-def test_the_study_of_convergence_is_a_line_per_angle_and_position(
-    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = ("position_deviation_max_m", "theta1_deviation_max_rad", "theta2_deviation_max_rad")
-    convergence = SimpleNamespace(
-        timestep_s=np.array([0.002, 0.001]),
-        deviations={name: (k + 1) * np.array([2e-3, 1e-3]) for k, name in enumerate(names)},
-        orders={names[0]: 1.0, names[1]: None, names[2]: 0.987},
-    )
-    curves = drawn(monkeypatch)
-    write_compare_figures(pair, tmp_path, "turn", convergence=convergence)
-    assert curves["convergence"] == {
         "P: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
         "θ1": ([2.0, 1.0], [4.0, 2.0]),
         "θ2: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
->>>>>>> answers
     }
     # each unit has its own axes
-    texts = labels(tmp_path / "convergence.svg")
+    texts = labels(studies.folder / "convergence.svg")
     assert {"largest deviation of P [mm]", "largest deviation of angles [mrad]"} <= set(texts)
 
 

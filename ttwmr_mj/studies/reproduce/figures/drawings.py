@@ -56,13 +56,7 @@ def _draw_paths(body: str) -> Callable[..., None]:
         for axes, (law, run, label) in zip(grid.flat, shown, strict=False):
             trajectory, robot = evidence.trajectory(run), evidence.robot(run)
             reference = path(trajectory.ref_q[:, 0], robot)
-<<<<<<< HEAD
             axes.plot(*_thin(reference).T, **BAND, label="reference")
-            axes.set_aspect("equal", adjustable="datalim")
-            axes.set(xlabel="x [m]", ylabel="y [m]", title=panel.title)
-        legend_below(figure, axes=axes)
-=======
-            axes.plot(*_thin(reference).T, color="#BBBBBB", linewidth=5.0, label="reference")
             line = _thin(path(trajectory.q[:, 0], robot))
             half = len(line) // 2
             axes.plot(
@@ -77,7 +71,6 @@ def _draw_paths(body: str) -> Callable[..., None]:
         for axes in grid[:, 0]:
             axes.set_ylabel("y [m]")
         legend_below(figure, axes=grid[0, 0])
->>>>>>> answers
 
     return drawer
 
