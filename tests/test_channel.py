@@ -72,7 +72,7 @@ def test_a_row_of_a_batch_is_the_row_alone(nsim: int) -> None:
 
 def believed(sensing: TruthSensing, told_latency_s: float | None, periods: int) -> FloatArray:
     """(n,) error of P as told, carried over its age, of a robot at constant speed [m]."""
-    sensor = TruthSensor(sensing, PERIOD_S, 1, np.random.default_rng(0), told_latency_s)
+    sensor = TruthSensor(sensing, PERIOD_S, [np.random.default_rng(0)], told_latency_s)
     errors = []
     for k in range(periods):
         q, rate = np.zeros((1, 4)), np.zeros((1, 4))
@@ -160,7 +160,7 @@ def test_a_latency_of_commands_that_is_told_costs_nothing(law: str) -> None:
     error = {}
     for sets in ("", "control.command_latency_s=0.066", "belief.command_latency_s=0.0"):
         lines = [f'controller={{kind="{law}", recovery="own"}}']
-        lines += ["duration_s=8", "plant.kind=analytic"]
+        lines += ["duration_s=6", "plant.kind=analytic"]
         lines += ["control.command_latency_s=0.066"] * (sets != "") + [sets] * (sets != "")
         scenario = tt.load_scenario("inverted_trailer", lines)
         (numbers,) = tt.score(Experiment(scenario).run().trajectory, scenario.robot)

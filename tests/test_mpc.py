@@ -41,7 +41,7 @@ def steady_mm(scenario: Scenario) -> float:
 def first_command(scenario: Scenario, options: MpcOptions | TvlqrOptions) -> np.ndarray:
     scenario = scenario.model_copy(update={"controller": options})
     reference = sample_reference(scenario)
-    controller = make_controller(scenario, sample_reference(scenario), Path())
+    controller = make_controller(scenario, Path())
     controller.start(Task(scenario.robot, reference, PERIOD, 1, np.random.default_rng(0)))
     state = initial_state(scenario, reference)
     seen = Estimate(state, np.zeros(1), np.ones(1, dtype=np.bool_), np.full(1, np.nan))
@@ -52,9 +52,8 @@ def test_near_the_reference_it_is_the_lqr() -> None:
     """With the LQR's cost beyond the horizon, the horizon makes no difference to first order."""
     errors = []
     for offset in (1e-3, 1e-4):
-        near = load_scenario(
-            "outer_circle", [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"]
-        )
+        start = [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"]
+        near = load_scenario("outer_circle", ["duration_s=8.0", *start])
         mpc = first_command(near, MPC)
         lqr = first_command(near, TvlqrOptions(kind="tvlqr"))
         errors.append(np.abs(mpc - lqr).max())

@@ -15,13 +15,17 @@ from ttwmr_mj.recording import key, layout, style
 from ttwmr_mj.recording.floor import floor_corners, lift
 from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import Range
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene, driven_paths
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column, widened
 from ttwmr_mj.recording.target import TEXT_HEIGHT_M, distance
 from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.pair import Pair
 
 GHOST = "world/analytic"  # the analytic model's robot
@@ -79,33 +83,58 @@ def record_comparison(
     Raises:
         InputError: the file cannot be created.
     """
-    name = pair.contact.scenario.name
-    with _Recorder(path, f"{name}, compared", _blueprint(name, pair)) as recorder:
-        recorder.write(pair, result_markdown, details_markdown)
+    with ComparisonRecorder(path, pair.contact.scenario) as recorder:
+        recorder.append(pair.contact.trajectory, pair.analytic)
+        recorder.finish(pair, result_markdown, details_markdown)
 
 
-class _Recorder(RrdFile):
-    """Writes a comparison at once."""
+class ComparisonRecorder(RrdFile):
+    """Writes a comparison, both robots while they run; a context manager.
 
-    def write(self, pair: Pair, result_markdown: str, details_markdown: str) -> None:
-        """Reports, both robots, deviations."""
+    Args:
+        path: the .rrd file, overwritten.
+        scenario: what is compared.
+        live: shows it while it is written.
+
+    Raises:
+        InputError: the file cannot be created.
+    """
+
+    def __init__(self, path: Path, scenario: Scenario, live: LiveView | None = None) -> None:
+        self._name = scenario.name
+        super().__init__(path, f"{self._name}, compared", _blueprint(self._name), live)
+        self._robot = scenario.robot
+        model = build_model(self._robot, scenario.plant.contact)
+        floor_m = floor_corners(sample_reference(scenario))
+        # without the reference's places: here the two robots are each other's reference
+        self._real = Scene(self._stream, model, self._robot, None, floor_m)
+        self._ghost = Scene(self._stream, _ghost_of(model), self._robot, root=GHOST)
+        self._series = SeriesLog(self._stream)
+
+    def append(self, contact: Trajectory, analytic: Trajectory) -> None:
+        """Record the next rows of both plants, at the same times."""
+        self._check_open()
+        self._real.append(contact, Curves.of(contact, self._robot))
+        self._ghost.append(analytic, Curves.of(analytic, self._robot))
+        self._plot(contact.time_s, _deviations(Deviation.between(contact, analytic)))
+        self._stream.flush()
+
+    def finish(self, pair: Pair, result_markdown: str, details_markdown: str) -> None:
+        """Record what can be told only of whole runs, and the reports."""
+        self._check_open()
         self._report(result_markdown)
         self._report(details_markdown, layout.DETAILS)
-        scenario, robot, rows = pair.contact.scenario, pair.contact.robot, pair.contact.trajectory
-        model = build_model(robot, scenario.plant.contact)
-        reference = sample_reference(scenario)
-        # without the reference's places: here the two robots are each other's reference
-        real = Scene(self._stream, model, robot, None, floor_corners(reference))
-        real.append(rows, Curves.of(rows, robot))
-        ghost = Scene(self._stream, _ghost_of(model), robot, root=GHOST)
-        ghost.append(pair.analytic, Curves.of(pair.analytic, robot))
-        _log_miss(self._stream, pair, time_column(rows.time_s))
-        series = SeriesLog(self._stream)
-        values = _values(pair)
+        time_s = pair.contact.trajectory.time_s
+        _log_miss(self._stream, pair, time_column(time_s))
+        self._plot(time_s, _residuals(pair))
+        draw_key(self._stream, _key(pair))
+        self._stream.send_blueprint(_blueprint(self._name, pair))
+
+    def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
         for plots in TABS.values():
             for name, (_, looks) in plots.items():
-                series.append(f"plots/{name}/true", looks, rows.time_s, values[name])
-        draw_key(self._stream, _key(pair))
+                if name in values:
+                    self._series.append(f"plots/{name}/true", looks, time_s, values[name])
 
 
 def _ghost_of(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -150,12 +179,18 @@ def _key(pair: Pair) -> list[Entry]:
     ]
 
 
-def _values(pair: Pair) -> dict[str, FloatArray]:
+def _deviations(deviation: Deviation) -> dict[str, FloatArray]:
     """Plot → values (n, curves)."""
-    deviation, residuals = pair.deviation, pair.residuals
     return {
         "position": 1e3 * np.column_stack(list(deviation.position_curves.values())),
         "angles": 1e3 * np.column_stack(list(deviation.angle_curves.values())),
+    }
+
+
+def _residuals(pair: Pair) -> dict[str, FloatArray]:
+    """Plot → values (n, curves)."""
+    residuals = pair.residuals
+    return {
         "slip_aside": 1e3 * residuals.slip_aside_m_s[:, :2],
         "slip_along": 1e3 * residuals.slip_along_m_s[:, :2],
         "energy": 1e3 * residuals.energy_lost_j[:, None],
@@ -163,16 +198,25 @@ def _values(pair: Pair) -> dict[str, FloatArray]:
     }
 
 
-def _blueprint(name: str, pair: Pair) -> rrb.Blueprint:
-    """The robots and the report on the left, what deviates on the right."""
+def _blueprint(name: str, pair: Pair | None = None) -> rrb.Blueprint:
+    """The robots and the report on the left, what deviates on the right.
+
+    Args:
+        name: of the scenario.
+        pair: the two runs, once they are over: plots reach as far as their values.
+    """
     scene = layout.scene_view(
         "Both robots; the analytic one is translucent",
         layout.following_eye(),
         (*driven_paths(), *driven_paths(GHOST)),
     )
     robots = rrb.Vertical(scene, layout.key_view(), layout.report_view(name), row_shares=[12, 1, 7])
-    values, time_s = _values(pair), pair.contact.trajectory.time_s
-    times_s = float(time_s[0]), float(time_s[-1])
+    values: dict[str, FloatArray] = {}
+    times_s = None
+    if pair is not None:
+        values = _deviations(pair.deviation) | _residuals(pair)
+        time_s = pair.contact.trajectory.time_s
+        times_s = float(time_s[0]), float(time_s[-1])
     tabs: list[rrb.Container | rrb.View] = [
         rrb.Grid(*_plots(plots, values, times_s), grid_columns=1, name=tab)
         for tab, plots in TABS.items()
@@ -182,9 +226,10 @@ def _blueprint(name: str, pair: Pair) -> rrb.Blueprint:
 
 
 def _plots(
-    plots: dict[str, tuple[str, Series]], values: dict[str, FloatArray], times_s: Range
+    plots: dict[str, tuple[str, Series]], values: dict[str, FloatArray], times_s: Range | None
 ) -> Iterator[rrb.TimeSeriesView]:
     for plot, (title, looks) in plots.items():
         legend = Corner2D.RightTop if len(looks.names) > 1 else None
-        reach = widened(None, values[plot]) if np.isfinite(values[plot]).any() else None
+        known = plot in values and np.isfinite(values[plot]).any()
+        reach = widened(None, values[plot]) if known else None
         yield layout.plot_view(f"plots/{plot}", title, legend, values=reach, times_s=times_s)

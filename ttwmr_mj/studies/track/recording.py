@@ -10,6 +10,7 @@ from ttwmr_mj.recording import layout, style
 from ttwmr_mj.recording.camera_view import ELLIPSE_SCALE, CameraView
 from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import Range
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.series import Series, SeriesLog, widened
 from ttwmr_mj.state import FloatArray
@@ -38,13 +39,21 @@ class TrackRecorder(RrdFile):
         name: of the recording.
         camera: the calibrated camera.
         labels: on the robot.
+        live: shows it while it is written.
 
     Raises:
         InputError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, name: str, camera: CameraModel, labels: LabelLayout) -> None:
-        super().__init__(path, name, _blueprint(name))
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        camera: CameraModel,
+        labels: LabelLayout,
+        live: LiveView | None = None,
+    ) -> None:
+        super().__init__(path, name, _blueprint(name), live)
         self._view = CameraView(self._stream, camera, labels)
         self._series = SeriesLog(self._stream)
         self._name = name
