@@ -45,7 +45,7 @@ def ttwmr(*arguments: str, cwd: Path, timeout: float = 120) -> subprocess.Comple
 def test_the_plots_of_the_article_are_drawn_on_demand(tmp_path: Path) -> None:
     lean = ["--set", "duration_s=0.3", "--set", "output.recording=false"]
     words = ["run", "lab_circle", *lean, "--set", "output.figures=false", "--paper-plots"]
-    done = ttwmr(*words, "--out", "out", cwd=tmp_path)
+    done = ttwmr(*words, "--out", "out", cwd=tmp_path, timeout=600)
     assert done.returncode == 0, done.stderr
     assert {path.suffix for path in (tmp_path / "out/figures").iterdir()} == {".png", ".svg"}
     assert (tmp_path / "out/figures/theta2.svg").is_file()
