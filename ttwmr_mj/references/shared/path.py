@@ -51,7 +51,7 @@ class ReferencePath:
         """The paths of as many simulations as one; of batch 1 where all are equal.
 
         Args:
-            paths: of batch 1, at the same times; all have flat derivatives, or none has.
+            paths: of batch 1, at the same times; without flat derivatives if any has none.
         """
         first, names = paths[0], [field.name for field in fields(ReferencePath)][1:]
         distinct = {id(path): path for path in paths}
@@ -60,7 +60,8 @@ class ReferencePath:
         rows: dict[str, Any] = {}
         for name in names:
             parts = [getattr(path, name) for path in paths]
-            rows[name] = None if parts[0] is None else np.concatenate(parts, axis=1)
+            there = all(part is not None for part in parts)
+            rows[name] = np.concatenate(parts, axis=1) if there else None
         return ReferencePath(first.time_s, **rows)
 
     @property
