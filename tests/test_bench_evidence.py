@@ -59,6 +59,7 @@ def test_only_equal_seeds_are_compared() -> None:
     one = runs(*[1.0] * 6)
     shifted = {seed + 1: outcome for seed, outcome in runs(*[2.0] * 6).items()}
     assert not better(one, shifted)  # five pairs
+    assert better(one | {6: Outcome(True, 1.0)}, shifted)  # six
     # paired: one is ahead in every world though the worlds differ more than the laws
     worlds = [10.0**i for i in range(10)]
     assert better(runs(*worlds), runs(*[1.1 * error for error in worlds]))

@@ -7,6 +7,7 @@ equation (`plants.swing`).
 
 import numpy as np
 
+from ttwmr_mj.config import rows_of
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
@@ -51,6 +52,8 @@ class AnalyticPlant(ModelPlant):
     ) -> None:
         """Build the plant, at rest at the origin; the other arguments are those of its base.
 
+        Robot and ground may be those of every simulation (`config.stacked`).
+
         The ground pulls at the trailer where it slopes. A published spring has its torque and the
         damper's divided by k, as printed in Eq. 41, and not by J2 + m2·l².
 
@@ -58,11 +61,13 @@ class AnalyticPlant(ModelPlant):
             InputError: the integration would be unstable for this hitch.
         """
         self._robot = robot
-        self._slope = ground if ground.slope_rad else None
+        self._slope = ground if np.any(ground.slope_rad) else None
         self._hitch_swing = HitchSwing(
             robot, ground, max_integration_step_s, published_spring=published_spring
         )
-        _refuse_unstable_step(max_integration_step_s, self._hitch_swing.longest_step_s, robot.hitch)
+        longest_s = self._hitch_swing.longest_step_s
+        if max_integration_step_s > longest_s:
+            raise _unstable(max_integration_step_s, longest_s, rows_of(robot, nsim)[0].hitch)
         super().__init__(robot.servo, nsim, time_step_s, max_integration_step_s)
 
     def reset(self, initial: RobotState) -> None:
@@ -115,17 +120,16 @@ class AnalyticPlant(ModelPlant):
         self._setpoint = end_rad_s
 
 
-def _refuse_unstable_step(step_s: float, longest_s: float, hitch: Hitch) -> None:
-    if step_s > longest_s:
-        raise InputError.at(
-            "plant.analytic.max_step_s",
-            "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
-            f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
-            f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
-            got=f"{step_s:g}",
-            allowed=f"at most {longest_s:.3g}",
-            hint="lower it, or the spring's and damper's constants",
-        )
+def _unstable(step_s: float, longest_s: float, hitch: Hitch) -> InputError:
+    return InputError.at(
+        "plant.analytic.max_step_s",
+        "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
+        f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
+        f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
+        got=f"{step_s:g}",
+        allowed=f"at most {longest_s:.3g}",
+        hint="lower it, or the spring's and damper's constants",
+    )
 
 
 def _total(parts: FloatArray) -> FloatArray:

@@ -77,10 +77,9 @@ class LiveView:
         lines = self._words.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {self._process.returncode}"
 
-    def linger(self) -> None:
-        """Wait until the viewer ends or the user presses Ctrl-C."""
-        with suppress(KeyboardInterrupt):
-            self._process.wait()
+    def wait(self) -> None:
+        """Wait until the viewer ends; Ctrl-C raises KeyboardInterrupt here as anywhere."""
+        self._process.wait()
 
     def close(self) -> None:
         """End the viewer, unless it is a window that the user may want to look at."""

@@ -1,6 +1,5 @@
 """What runs of several seeds can show: intervals, and whether one law is better than another."""
 
-import math
 import statistics
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
@@ -56,6 +55,6 @@ def _result(one: Outcome, other: Outcome) -> int:
     """1 for a win of the first, -1 for a loss, 0 for a tie."""
     if one.followed != other.followed:
         return 1 if one.followed else -1
-    if not one.followed or one.error == other.error or math.isnan(one.error - other.error):
+    if not one.followed or one.error == other.error:
         return 0
     return 1 if one.error < other.error else -1

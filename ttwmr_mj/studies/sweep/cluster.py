@@ -10,10 +10,11 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError, MachineError, TtwmrError
+from ttwmr_mj.errors import Fault, InputError, MachineError, RunError, TtwmrError
 from ttwmr_mj.studies.sweep.compute import Broke, Compute, Outcome, computed
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -32,10 +33,22 @@ def on_cluster(address: str) -> Compute:
     """
 
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
-        with _client(address) as client:
+        with _client(address) as client, client.as_current(), _scheduler_lost(address):
             yield from _computed(client, plan, chunks)
 
     return compute
+
+
+@contextmanager
+def _scheduler_lost(address: str) -> Iterator[None]:
+    """Say so in words."""
+    from distributed.client import FuturesCancelledError
+
+    try:
+        yield
+    except (FuturesCancelledError, OSError) as error:
+        kept = "what is done is kept; the same command goes on"
+        raise RunError(f"the Dask scheduler at {address} is gone; {kept}") from error
 
 
 def _client(address: str) -> Any:
@@ -92,7 +105,13 @@ def shard_by_process(plan: Plan, rows: IntArray) -> Any:
     """
     command = [sys.executable, "-m", __name__]
     asked = pickle.dumps((plan, rows))
-    done = subprocess.run(command, input=asked, capture_output=True, check=False)
+    limit_s = plan.timeout_s * len(rows)
+    try:
+        done = subprocess.run(
+            command, input=asked, capture_output=True, check=False, timeout=limit_s
+        )
+    except subprocess.TimeoutExpired:
+        return f"timed out after {limit_s:g} s"
     if done.returncode or not done.stdout:
         words = done.stderr.decode(errors="replace").strip().splitlines()
         return f"the process ended with exit code {done.returncode}: {' '.join(words[-1:])}"

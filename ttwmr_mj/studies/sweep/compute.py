@@ -23,7 +23,6 @@ from ttwmr_mj.studies.sweep.folder.shards import to_bytes
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
-ROW_TIMEOUT_S = 600.0  # of wall time for each row of a chunk; a law has its own, shorter limit
 MODULES = (*PRELOAD, "ttwmr_mj.studies.sweep.compute")
 
 
@@ -77,7 +76,7 @@ def in_processes(workers: int | None) -> Compute:
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
         # each process fills one processor by itself; the server of processes passes this on
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        jobs = (Job("chunk", shard_of, (plan, rows), ROW_TIMEOUT_S * len(rows)) for rows in chunks)
+        jobs = (Job("chunk", shard_of, (plan, rows), plan.timeout_s * len(rows)) for rows in chunks)
         with closing(run_jobs(jobs, workers=workers, preload=MODULES)) as events:
             for event in events:
                 yield _outcome(event)

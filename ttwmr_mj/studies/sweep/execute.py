@@ -20,7 +20,7 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 BATCH = 256  # simulations at once: more are hardly faster, and lose more when they are killed
-CAMERA_BATCH = 4  # frames are rendered one by one
+ALONE = 4  # runs that share no batch: with a camera, or a law of the user's
 
 Told = Callable[[int, int], None]
 """Hears how many rows are done, and how many of them failed."""
@@ -110,12 +110,13 @@ def _chunks(rows: IntArray, size: int) -> Iterator[IntArray]:
 
 def chunk_size(plan: Plan, rows: int, processes: int = 8) -> int:
     """Rows in a shard: a batch for each variant, but several chunks for each process."""
-    batch = CAMERA_BATCH if _sees(plan) else BATCH
+    batch = ALONE if _alone(plan) else BATCH
     return max(1, min(batch * len(plan.variant_names), -(-rows // processes)))
 
 
-def _sees(plan: Plan) -> bool:
-    """Whether any row is run by camera."""
+def _alone(plan: Plan) -> bool:
+    """Whether runs of some variant share no batch."""
     first = plan.rows_at(np.arange(min(plan.rows, len(plan.variant_names) * len(plan.seeds))))
-    seen = {row.variant: row for row in first}
-    return any(plan.scenario_of(row).sensing.kind == "camera" for row in seen.values())
+    rows = {row.variant: row for row in first}.values()
+    scenarios = (plan.scenario_of(row) for row in rows)
+    return any(s.sensing.kind == "camera" or s.controller.alone for s in scenarios)

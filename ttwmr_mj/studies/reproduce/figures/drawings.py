@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
-from ttwmr_mj.figures.style import GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
+from ttwmr_mj.figures.style import BAND, GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.claims import friction
@@ -56,7 +56,7 @@ def _draw_paths(body: str) -> Callable[..., None]:
         for axes, (law, run, label) in zip(grid.flat, shown, strict=False):
             trajectory, robot = evidence.trajectory(run), evidence.robot(run)
             reference = path(trajectory.ref_q[:, 0], robot)
-            axes.plot(*_thin(reference).T, color="#BBBBBB", linewidth=5.0, label="reference")
+            axes.plot(*_thin(reference).T, **BAND, label="reference")
             line = _thin(path(trajectory.q[:, 0], robot))
             half = len(line) // 2
             axes.plot(
@@ -89,7 +89,7 @@ def _draw_over_time(column: str, label: str) -> Callable[..., None]:
             axes.axhline(limit, **REFERENCE, label="servo's limit")
             axes.axhline(-limit, **REFERENCE)
         else:
-            axes.plot(columns["time_s"], columns[f"ref_{column}"], **REFERENCE, label="reference")
+            axes.plot(columns["time_s"], columns[f"ref_{column}"], **BAND, label="reference")
         legend_below(figure, axes=axes)
 
     return drawer

@@ -54,6 +54,7 @@ def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
         axes=request.axes,
         variants={name: tuple(given.overrides) for name, given in file.variants.items()},
         metric=file.metric or "",
+        timeout_s=file.timeout_s,
     )
     _refuse_size(plan, request.source, most_rows)
     return plan
