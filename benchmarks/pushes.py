@@ -31,7 +31,7 @@ TURN_S = 2.0 * np.pi / 1.0  # at the scenario's angular rate
 def pushed(scenario: Scenario, starts_s: FloatArray, force_n: float) -> Result:
     """The scenario, once for each start of the push (count,), in one batch."""
     force = np.tile([force_n, 0.0], (len(starts_s), 1))
-    push = Push("trailer", starts_s, DURATION_S, force)
+    push = Push("trailer", starts_s, np.full(starts_s.shape, DURATION_S), force)
     return Experiment(scenario, nsim=len(starts_s)).run(pushes=(push,))
 
 

@@ -56,8 +56,8 @@ class Loop:
         plant = build.make_plant(scenario, nsim)
         assert isinstance(plant, AnalyticPlant)
         self.plant: AnalyticPlant = plant
-        self._sensor: Sensor = build.make_sensor(scenario, plant, rng["sensor"], Path())
-        self._law: Controller = build.make_controller(scenario, told, Path())
+        self._sensor: Sensor = build.make_sensor(scenario, plant, [rng["sensor"]] * nsim, Path())
+        self._law: Controller = build.make_controller(scenario, Path())
         self._actuation = Actuation(
             scenario.control, scenario.steps_per_period, rng["commands"].spawn(nsim)
         )

@@ -23,7 +23,6 @@ from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.faults import fault_of
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
-from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
 LONGER = "belief.robot.trailer.com_offset_m=0.16"
 
@@ -184,21 +183,3 @@ def test_a_run_is_scored_by_the_robot_that_is_driven(tmp_path: Path) -> None:
     metrics = run_scenario(scenario, tmp_path).metrics
     expected = score(Experiment(scenario).run().trajectory, scenario.robot)[0]
     assert metrics["trailer_rmse_m"] == expected["trailer_rmse_m"]
-
-
-def test_the_heavy_rows_of_the_shipped_suite_drive_more_than_is_believed() -> None:
-    heavy = 0
-    for row in rows_of(load_suite("standard")):
-        if row.names["sensing"] == "camera" and row.seed:
-            continue
-        scenario = load_scenario(row.scenario, list(row.overrides), row.seed)
-        robot, believed = scenario.robot, scenario.believed_robot
-        if row.names["disturbance"] != "heavy":
-            assert believed is robot
-            continue
-        heavy += 1
-        assert robot.tractor.mass_kg == 1.2 * believed.tractor.mass_kg
-        assert robot.tractor.yaw_inertia_kg_m2 == 1.2 * believed.tractor.yaw_inertia_kg_m2
-        assert believed.tractor == type(believed.tractor)()
-        assert believed.trailer == robot.trailer
-    assert heavy > 10

@@ -72,7 +72,7 @@ def test_a_row_of_a_batch_is_the_row_alone(nsim: int) -> None:
 
 def believed(sensing: TruthSensing, told_latency_s: float | None, periods: int) -> FloatArray:
     """(n,) error of P as told, carried over its age, of a robot at constant speed [m]."""
-    sensor = TruthSensor(sensing, PERIOD_S, 1, np.random.default_rng(0), told_latency_s)
+    sensor = TruthSensor(sensing, PERIOD_S, [np.random.default_rng(0)], told_latency_s)
     errors = []
     for k in range(periods):
         q, rate = np.zeros((1, 4)), np.zeros((1, 4))

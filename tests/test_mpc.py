@@ -41,7 +41,7 @@ def steady_mm(scenario: Scenario) -> float:
 def first_command(scenario: Scenario, options: MpcOptions | TvlqrOptions) -> np.ndarray:
     scenario = scenario.model_copy(update={"controller": options})
     reference = sample_reference(scenario)
-    controller = make_controller(scenario, sample_reference(scenario), Path())
+    controller = make_controller(scenario, Path())
     controller.start(Task(scenario.robot, reference, PERIOD, 1, np.random.default_rng(0)))
     state = initial_state(scenario, reference)
     seen = Estimate(state, np.zeros(1), np.ones(1, dtype=np.bool_), np.full(1, np.nan))

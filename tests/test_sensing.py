@@ -19,7 +19,7 @@ def truth(k: int, nsim: int = 2) -> RobotState:
 
 
 def test_without_options_it_is_the_truth() -> None:
-    sensor = TruthSensor(TruthSensing(), PERIOD, 2, np.random.default_rng(0))
+    sensor = TruthSensor(TruthSensing(), PERIOD, np.random.default_rng(0).spawn(2))
     seen = sensor.observe(truth(3))
     assert np.array_equal(seen.state.q, truth(3).q)
     assert seen.age_s.tolist() == [0.0, 0.0]
@@ -29,7 +29,7 @@ def test_without_options_it_is_the_truth() -> None:
 @pytest.mark.parametrize("periods", [1, 2, 5])
 def test_latency_is_exact_and_its_age_is_told(periods: int) -> None:
     options = TruthSensing(latency_s=periods * PERIOD)
-    sensor = TruthSensor(options, PERIOD, 2, np.random.default_rng(0))
+    sensor = TruthSensor(options, PERIOD, np.random.default_rng(0).spawn(2))
     for k in range(12):
         seen = sensor.observe(truth(k))
         # until the first measurement is through, it is all there is
@@ -49,7 +49,7 @@ def test_noise_has_the_asked_deviation_and_is_independent_per_simulation() -> No
         position_noise_m=0.01, angle_noise_rad=0.02, velocity_noise_m_s=0.05, rate_noise_rad_s=0.3
     )
     nsim = 20_000
-    sensor = TruthSensor(options, PERIOD, nsim, np.random.default_rng(5))
+    sensor = TruthSensor(options, PERIOD, np.random.default_rng(5).spawn(nsim))
     seen = sensor.observe(truth(0, nsim)).state
     # 5 σ of a sample deviation: σ/√(2n) = 0.5 %
     assert seen.q.std(axis=0) == pytest.approx([0.01, 0.01, 0.02, 0.02], rel=0.025)

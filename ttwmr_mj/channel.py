@@ -6,7 +6,7 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.state import BoolArray
+from ttwmr_mj.state import BoolArray, FloatArray
 
 T = TypeVar("T")
 IntArray = NDArray[np.int64]
@@ -19,19 +19,19 @@ class Channel:
     """How messages, one per control period, are delayed and lost.
 
     Attributes:
-        latency: smallest delay, in periods.
+        latency: smallest delay, in periods; one for all simulations, or (nsim,).
         jitter: largest additional delay, in periods; uniform from 0 for each message.
         drop_probability: of a message to be lost.
     """
 
-    latency: int = 0
-    jitter: int = 0
-    drop_probability: float = 0.0
+    latency: int | IntArray = 0
+    jitter: int | IntArray = 0
+    drop_probability: float | FloatArray = 0.0
 
     @property
     def is_random(self) -> bool:
-        """Whether delays or losses are random."""
-        return bool(self.jitter or self.drop_probability)
+        """Whether delays or losses are random, in any simulation."""
+        return bool(np.any(self.jitter) or np.any(self.drop_probability))
 
 
 class Arrived(NamedTuple):
@@ -83,9 +83,14 @@ class LatencyQueue(Generic[T]):
         if not channel.is_random or k == 0:  # the first is never lost
             return latency
         if (k - 1) % BLOCK == 0:
-            lost = np.array([rng.random(BLOCK) for rng in rngs]) < channel.drop_probability
-            late = [rng.integers(channel.jitter, size=BLOCK, endpoint=True) for rng in rngs]
-            self._lost, self._late = lost.T, np.array(late, dtype=np.int64).T
+            chance = np.array([rng.random(BLOCK) for rng in rngs]).T
+            jitter = np.broadcast_to(channel.jitter, len(rngs)).tolist()
+            late = [
+                rng.integers(most, size=BLOCK, endpoint=True)
+                for rng, most in zip(rngs, jitter, strict=True)
+            ]
+            self._lost = chance < channel.drop_probability
+            self._late = np.array(late, dtype=np.int64).T
         block = (k - 1) % BLOCK
         return np.where(self._lost[block], NEVER, latency + self._late[block])
 

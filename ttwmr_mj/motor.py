@@ -6,7 +6,7 @@ gear (3 % of stall) these three give resistance, motor constant and efficiency. 
 the same motor constant, 7.2 to 7.3 mV·s/rad, which neither of them states.
 """
 
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -51,6 +51,10 @@ class Motor(Config):
     and its reflected inertia have. A preset fills in what is not given. Left out, the servo is an
     ideal one that turns speed errors into torque.
     """
+
+    same_in_batch: ClassVar[frozenset[str]] = frozenset(
+        {"loop_period_s", "encoder_window_s", "command_delay_s"}
+    )
 
     preset: Literal["lab", "fast"] = Field(
         default="lab",

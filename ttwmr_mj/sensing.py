@@ -1,16 +1,21 @@
 """What the controller is told: an estimate with its age and validity."""
 
+from __future__ import annotations
+
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from ttwmr_mj.channel import Arrived, Channel, LatencyQueue
+from ttwmr_mj.config import each
 from ttwmr_mj.robot import Config
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
+NOISE_BLOCK = 64  # samples whose noise is drawn at once
 T = TypeVar("T")
 UpTo10 = Annotated[float, Field(ge=0, le=10)]
 Lost = Annotated[float, Field(ge=0, lt=1)]
@@ -65,6 +70,13 @@ class TruthSensing(SensingOptions):
     )
 
 
+def _noise_std(options: TruthSensing) -> FloatArray:
+    """(2, 4) standard deviations of the noise in q and its rate."""
+    position, angle = options.position_noise_m, options.angle_noise_rad
+    velocity, rate = options.velocity_noise_m_s, options.rate_noise_rad_s
+    return np.array([[position, position, angle, angle], [velocity, velocity, rate, rate]])
+
+
 @dataclass(frozen=True, slots=True)
 class Estimate:
     """The state as the controller knows it.
@@ -85,6 +97,18 @@ class Estimate:
     labels_found: FloatArray
     measurement_age_s: FloatArray | None = None
     wheel_angle_rad: FloatArray | None = None
+
+    def of(self, who: NDArray[np.intp]) -> Estimate:
+        """That of some of the simulations."""
+        measured, turned = self.measurement_age_s, self.wheel_angle_rad
+        return Estimate(
+            RobotState(self.state.q[who], self.state.q_rate[who]),
+            self.age_s[who],
+            self.valid[who],
+            self.labels_found[who],
+            None if measured is None else measured[who],
+            None if turned is None else turned[who],
+        )
 
 
 class Sensor(ABC):
@@ -130,17 +154,25 @@ class MeasurementQueue(LatencyQueue[T]):
             told_latency_s: the latency that the receiver assumes; None: the true one.
         """
         latency, jitter = (
-            round(s / period_s) for s in (options.latency_s, options.latency_jitter_s)
+            _whole(s, period_s) for s in (options.latency_s, options.latency_jitter_s)
         )
         super().__init__(Channel(latency, jitter, options.drop_probability), rngs)
         untold_s = 0.0 if told_latency_s is None else latency * period_s - told_latency_s
         self._latency, self._period_s = latency, period_s
         self._late_s = untold_s + options.clock_offset_s
-        self.is_direct = not (latency or self._channel.is_random or self._late_s)
+        late = np.any(latency) or np.any(self._late_s)
+        self.is_direct = not (late or self._channel.is_random)
 
     def stamp_error_s(self, arrived: Arrived) -> FloatArray:
         """(nsim,) by how much the stamps of what has arrived are later than its time."""
         return np.asarray((arrived.travel - self._latency) * self._period_s + self._late_s)
+
+
+def _whole(time_s: float, period_s: float) -> Any:
+    """Periods in a time, the nearest number; (nsim,) of (nsim,) times."""
+    return (
+        round(time_s / period_s) if np.ndim(time_s) == 0 else np.rint(time_s / period_s).astype(int)
+    )
 
 
 class TruthSensor(Sensor):
@@ -150,31 +182,35 @@ class TruthSensor(Sensor):
         self,
         options: TruthSensing,
         period_s: float,
-        nsim: int,
-        rng: np.random.Generator,
+        rngs: list[np.random.Generator],
         told_latency_s: float | None = None,
     ) -> None:
-        """Set up; `told_latency_s` is as of `MeasurementQueue`."""
-        rngs = rng.spawn(nsim)  # of what happens on the way; the noise does not change by it
-        self._queue = MeasurementQueue[RobotState](options, period_s, rngs, told_latency_s)
+        """Set up.
+
+        Args:
+            options: noise and channel, or those of every simulation (`config.stacked`).
+            period_s: control period.
+            rngs: one per simulation.
+            told_latency_s: as of `MeasurementQueue`.
+        """
+        # what happens on the way has its own; the noise does not change by it
+        channel = [rng.spawn(1)[0] for rng in rngs]
+        self._queue = MeasurementQueue[RobotState](options, period_s, channel, told_latency_s)
         self._period_s = period_s
-        self._rng = rng
-        position, angle = options.position_noise_m, options.angle_noise_rad
-        velocity, rate = options.velocity_noise_m_s, options.rate_noise_rad_s
-        self._noise = np.array(
-            [[position, position, angle, angle], [velocity, velocity, rate, rate]]
-        )
+        self._rngs = rngs
+        self._noise = each(_noise_std, options)
         self._noisy = bool(self._noise.any())
-        self._fresh = np.zeros(nsim)
-        self._valid = np.ones(nsim, dtype=np.bool_)
-        self._no_labels = np.full(nsim, np.nan)
+        self._drawn: FloatArray = np.zeros((len(rngs), 0, 2, 4))  # (nsim, NOISE_BLOCK, 2, 4)
+        self._fresh = np.zeros(len(rngs))
+        self._valid = np.ones(len(rngs), dtype=np.bool_)
+        self._no_labels = np.full(len(rngs), np.nan)
         self._k = -1
 
     def observe(self, truth: RobotState) -> Estimate:
         """Measure the true state; every simulation has its own noise."""
         self._k += 1
         if self._noisy:
-            noise = self._rng.standard_normal((truth.nsim, 2, 4)) * self._noise
+            noise = self._white() * self._noise
             truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
         if self._queue.is_direct:
             return Estimate(truth, self._fresh, self._valid, self._no_labels)
@@ -182,6 +218,14 @@ class TruthSensor(Sensor):
         age = (self._k - arrived.sent) * self._period_s - self._queue.stamp_error_s(arrived)
         # a stamp of the future is taken for now
         return Estimate(self._arrived(arrived), np.maximum(age, 0.0), self._valid, self._no_labels)
+
+    def _white(self) -> FloatArray:
+        """(nsim, 2, 4) of this sample, drawn in blocks: one after the other is the same."""
+        at = self._k % NOISE_BLOCK
+        if at == 0:
+            size = (NOISE_BLOCK, 2, 4)
+            self._drawn = np.stack([rng.standard_normal(size) for rng in self._rngs])
+        return self._drawn[:, at]
 
     def _arrived(self, arrived: Arrived) -> RobotState:
         """What each simulation's controller has, out of the periods it was sent in."""

@@ -18,7 +18,12 @@ def argument(text: str, default: Any = MISSING) -> Any:
 
 
 def option(
-    text: str, default: Any = MISSING, *, name: str | None = None, metavar: str | None = None
+    text: str,
+    default: Any = MISSING,
+    *,
+    name: str | None = None,
+    metavar: str | None = None,
+    several: bool = False,
 ) -> Any:
     """A named option; a tuple may be given several times.
 
@@ -28,8 +33,10 @@ def option(
             option is required. So it is for arguments, but for tuples.
         name: as typed; None: the field's name as --field-name.
         metavar: placeholder for the value in the help.
+        several: whether a tuple takes several values at once.
     """
-    return field(default=default, metadata={"help": text, "name": name, "metavar": metavar})
+    told = {"help": text, "name": name, "metavar": metavar, "several": several}
+    return field(default=default, metadata=told)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +108,8 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
         settings |= {"dest": entry.name, "required": required}
         if entry.metadata["metavar"]:
             settings["metavar"] = entry.metadata["metavar"]
+        if entry.metadata["several"]:
+            settings |= {"action": "extend", "nargs": "+"}
     else:
         typed = entry.name
         if settings.pop("action", None) == "append":

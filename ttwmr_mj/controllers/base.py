@@ -105,11 +105,17 @@ class ControllerOptions(Config):
     Attributes:
         law: what is made of the options; or override `make`.
         needs_reference: whether there must be something to follow.
+        takes_stacks: whether one law can drive simulations that differ in numbers of options,
+            robot, ground and reference: it is then made of stacked ones (`config.Stack`). Others
+            are started for each set of such numbers, and drive all simulations that share it.
+        alone: whether even these cannot share it, as a law of the user's that may do anything.
     """
 
     kind: str
     law: ClassVar[type[Law[Any]]]
     needs_reference: ClassVar[bool] = True
+    takes_stacks: ClassVar[bool] = False
+    alone: ClassVar[bool] = False
 
     def make(self, folder: Path) -> Controller:
         """The law with these options, not yet started; `folder` is that of the scenario."""

@@ -19,6 +19,7 @@ class CustomOptions(ControllerOptions):
         pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="the class, as module:Class"
     )
     needs_reference: ClassVar[bool] = False
+    alone: ClassVar[bool] = True
     options: dict[str, Any] = Field(default={}, description="keyword arguments passed to the class")
 
     def make(self, folder: Path) -> Controller:

@@ -5,7 +5,7 @@ sample of the reference to the next along an arc (Eq. 8-9), as if no error there
 law with feedback is worth shows against it.
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -41,4 +41,5 @@ class FeedforwardOptions(ControllerOptions):
     """The reference's wheel speeds without feedback: the do-nothing baseline."""
 
     law = Feedforward
+    takes_stacks: ClassVar[bool] = True
     kind: Literal["feedforward"] = "feedforward"

@@ -21,12 +21,13 @@ Nothing here looks at the trailer.
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
-from typing import Literal
+from functools import lru_cache
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.config import column, each
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
 from ttwmr_mj.sensing import Estimate
@@ -38,7 +39,7 @@ def singular_term(e: FloatArray, e_rate: FloatArray, options: LyapunovOptions) -
     if options.singular_terms == "omitted":
         return np.zeros_like(e)
     if options.singular_terms == "regularized":
-        return e * e * e_rate / (e_rate * e_rate + options.regularization_m_s**2)
+        return e * e * e_rate / (e_rate * e_rate + column(each(_regularization, options)))
     return np.divide(e * e, e_rate, out=np.zeros_like(e), where=e_rate != 0.0)
 
 
@@ -51,11 +52,23 @@ def law(
     return np.asarray(feedforward - damping * e_rate - stiffness * pull)
 
 
-@cache
+@lru_cache(maxsize=16)
 def gains(options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
-    """(α2, α4) [1/s] and (α1/α2, α3/α4) [1/s²], the gains as Eq. 32 uses them."""
+    """(α2, α4) [1/s] and (α1/α2, α3/α4) [1/s²], the gains as Eq. 32 uses them.
+
+    (2,) each, or (nsim, 2) for options of as many simulations (`config.stacked`).
+    """
+    return each(_gains, options)
+
+
+def _gains(options: LyapunovOptions) -> tuple[FloatArray, FloatArray]:
     damping = np.array([options.alpha2, options.alpha4])
     return damping, np.array([options.alpha1, options.alpha3]) / damping
+
+
+def _regularization(options: LyapunovOptions) -> float:
+    """ε² of the regularised term."""
+    return options.regularization_m_s**2
 
 
 def lyapunov_function(
@@ -71,9 +84,13 @@ def lyapunov_function(
     return both[..., 0], both[..., 1]
 
 
-@cache
+@lru_cache(maxsize=16)
 def _weights(options: LyapunovOptions) -> FloatArray:
-    """(2, 4) what V and the claimed V' weigh e1², e3², e2², e4² with."""
+    """(2, 4), or (nsim, 2, 4): what V and the claimed V' weigh e1², e3², e2², e4² with."""
+    return each(_weighing, options)
+
+
+def _weighing(options: LyapunovOptions) -> FloatArray:
     on_error = np.array([options.alpha1, options.alpha3])
     on_rate = np.array([options.alpha2, options.alpha4])
     return np.array([[*on_error / 2, *on_rate / 2], [*-on_error, *-(on_rate**2)]])
@@ -118,6 +135,7 @@ class LyapunovOptions(ControllerOptions):
     """The article's law (32) for the tractor alone, gains of Table II."""
 
     law = Lyapunov
+    takes_stacks: ClassVar[bool] = True
     kind: Literal["lyapunov"] = "lyapunov"
     alpha1: float = Field(
         default=25.0, gt=0, le=1e6, description="gain α1 of the error e1 = x − x_d; Table II: 25"

@@ -24,6 +24,7 @@ from typing import Literal
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.config import each
 from ttwmr_mj.controllers.base import Command, Task, undefined_theta2
 from ttwmr_mj.controllers.lyapunov import Lyapunov, LyapunovOptions, gains
 from ttwmr_mj.errors import Fault
@@ -85,11 +86,16 @@ def gamma(
     if options.gamma == "constant":
         wish = options.rho * excess
     elif options.gamma == "regularized":
-        wish = excess * d / (d * d + options.gamma_regularization_m_s2**2)
+        wish = excess * d / (d * d + each(_regularization, options))
     else:
         wish = np.divide(excess, d, out=np.zeros_like(excess), where=d != 0.0)
     limit = np.inf if options.gamma_limit is None else options.gamma_limit
     return np.clip(wish, -limit, limit), np.abs(wish) > limit
+
+
+def _regularization(options: LyapunovPidOptions) -> float:
+    """ε² of the regularised γ."""
+    return options.gamma_regularization_m_s2**2
 
 
 def corrected(

@@ -1,13 +1,17 @@
 """Wheel speeds from a list, whatever the robot does."""
 
+from __future__ import annotations
+
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
 
+from ttwmr_mj.config import column, each
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
 from ttwmr_mj.robot import Config
 from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray
 
 
 class WheelSegment(Config):
@@ -38,28 +42,35 @@ class OpenLoop(Law["OpenLoopOptions"]):
 
     def start(self, task: Task) -> None:
         """Lay the segments out in time and flag what the servo will cut."""
-        segments = self._options.segments
-        self._ends = np.cumsum([segment.duration_s for segment in segments])
-        speeds = [[s.wheel_right_rad_s, s.wheel_left_rad_s] for s in segments]
-        self._speeds = np.array([*speeds, [0.0, 0.0]])
-        self._saturated = np.abs(self._speeds).max(axis=1) > task.robot.servo.speed_limit_rad_s
+        self._ends, self._speeds = each(_schedule, self._options)
+        limit = column(task.robot.servo.speed_limit_rad_s)
+        self._saturated = np.abs(self._speeds).max(axis=-1) > limit
         self._period = task.sampling_time_s
-        self._nsim = task.nsim
+        self._each = np.arange(task.nsim)
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The segment's wheel speeds for every simulation; the estimate is not used."""
         del estimate
         # a hair beyond k·T, so that an end at a sample belongs to the next segment
-        i = int(np.searchsorted(self._ends, (k + 1e-9) * self._period, side="right"))
-        wheels = np.tile(self._speeds[i], (self._nsim, 1))
-        never = np.zeros(self._nsim, dtype=np.bool_)
-        return Command(wheels, saturated=never | self._saturated[i], near_singular=never)
+        i = (self._ends <= (k + 1e-9) * self._period).sum(axis=-1)
+        nsim, segments = self._each.size, self._speeds.shape[-2]
+        wheels = np.broadcast_to(self._speeds, (nsim, segments, 2))[self._each, i]
+        saturated = np.broadcast_to(self._saturated, (nsim, segments))[self._each, i]
+        return Command(wheels, saturated, near_singular=np.zeros(nsim, dtype=np.bool_))
+
+
+def _schedule(options: OpenLoopOptions) -> tuple[FloatArray, FloatArray]:
+    """Ends (n,) [s] of the segments, and wheel speeds (n + 1, 2) in them and after."""
+    segments = options.segments
+    speeds = [[s.wheel_right_rad_s, s.wheel_left_rad_s] for s in segments]
+    return np.cumsum([s.duration_s for s in segments]), np.array([*speeds, [0.0, 0.0]])
 
 
 class OpenLoopOptions(ControllerOptions):
     """Segments of constant wheel speed, then standstill."""
 
     law = OpenLoop
+    takes_stacks: ClassVar[bool] = True
     kind: Literal["open_loop"] = "open_loop"
     needs_reference: ClassVar[bool] = False
     segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)] = Field(

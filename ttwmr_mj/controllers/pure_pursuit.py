@@ -11,7 +11,7 @@ curvature changes, P cuts corners by what the preview sees of it. Nothing here l
 and no stability is claimed.
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -30,16 +30,18 @@ class PurePursuit(Law["PurePursuitOptions"]):
     def start(self, task: Task) -> None:
         """Take the reference."""
         self._robot, self._path = task.robot, task.path
-        self._ahead = max(1, round(self._options.preview_s / task.sampling_time_s))
+        preview = np.rint(np.divide(self._options.preview_s, task.sampling_time_s))
+        self._ahead = np.maximum(1, preview.astype(np.int64))  # one for all, or (nsim,)
+        self._each = np.arange(task.nsim) if task.path.derivatives.shape[1] > 1 else 0
         self._limit = task.robot.servo.speed_limit_rad_s
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """One sample of the law."""
         q, path = estimate.state.q, self._path
-        aim = min(k + self._ahead, len(path.time_s) - 1)
-        a, b = to_body(q[:, THETA1], *(path.position_m[aim] - q[:, :2]).T)
+        aim = np.minimum(k + self._ahead, len(path.time_s) - 1)
+        a, b = to_body(q[:, THETA1], *(path.position_m[aim, self._each] - q[:, :2]).T)
         late, _ = to_body(q[:, THETA1], *(path.position_m[k] - q[:, :2]).T)
-        speed = np.hypot(*path.velocity_m_s[aim].T) + self._options.gain_1_s * late
+        speed = np.hypot(*path.velocity_m_s[aim, self._each].T) + self._options.gain_1_s * late
         curvature = 2.0 * b / np.maximum(a**2 + b**2, NEAR_AIM_M**2)
         wish = wheels_from_twist(np.stack([speed, curvature * speed], axis=-1), self._robot)
         excess = np.maximum(np.abs(wish).max(axis=1) / self._limit, 1.0)
@@ -54,6 +56,7 @@ class PurePursuitOptions(ControllerOptions):
     """Drives towards a point ahead on the reference; ignores the trailer."""
 
     law = PurePursuit
+    takes_stacks: ClassVar[bool] = True
     kind: Literal["pure_pursuit"] = "pure_pursuit"
     preview_s: float = Field(
         default=0.5,

@@ -23,7 +23,7 @@ Arrays have a leading axis of nsim simulations; every parameter is a number or (
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from pydantic import Field
@@ -46,6 +46,8 @@ STATES = 5  # x, y, θ1, θ2, swing rate
 
 class ExtendedParameters(Config):
     """What the extended model has beyond Table I, or instead of it. SI units."""
+
+    same_in_batch: ClassVar[frozenset[str]] = frozenset({"physics_step_s"})
 
     wheel_radius_m: float = Field(gt=0, le=1, description="effective wheel radius; Table I: 0.026")
     track_width_m: float = Field(

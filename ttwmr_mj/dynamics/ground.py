@@ -48,8 +48,8 @@ class Ground(Config):
         return pull * np.array([math.cos(self.downhill_rad), math.sin(self.downhill_rad)])
 
     def pull(self, heading_rad: FloatArray) -> Pull:
-        """g_p ahead and to the left of a heading of any shape."""
-        x, y = self.gravity_m_s2
+        """g_p ahead and to the left of a heading (..., nsim)."""
+        x, y = self.gravity_m_s2.T
         return Pull(*to_body(heading_rad, x, y))
 
     @property

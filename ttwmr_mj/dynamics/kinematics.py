@@ -77,13 +77,16 @@ def twist_from_wheels(wheel_speed_rad_s: FloatArray, robot: RobotParameters) -> 
 
 
 def wheel_geometry(robot: RobotParameters) -> tuple[float, float, float]:
-    """What `rolling` and `rolling_wheels` need to know: radius, track, difference of the radii."""
+    """What `rolling` and `rolling_wheels` need to know: radius, track, difference of the radii.
+
+    One number each, or (nsim,) for robots of as many simulations (`config.stacked`).
+    """
     tractor = robot.tractor
     return tractor.wheel_radius_m, tractor.track_width_m, tractor.wheel_radius_difference_m
 
 
 def rolling(
-    wheels: FloatArray, radius_m: Value, track_m: Value, difference_m: float = 0.0
+    wheels: FloatArray, radius_m: Value, track_m: Value, difference_m: Value = 0.0
 ) -> tuple[FloatArray, FloatArray]:
     """u1 and u2 (Eq. 8-9) of wheel speeds (..., 2); of wheel angles: path and turn, (...) each.
 
@@ -92,7 +95,7 @@ def rolling(
     right, left = wheels[..., RIGHT], wheels[..., LEFT]
     both, apart = right + left, right - left
     u1, u2 = (0.5 * radius_m) * both, (radius_m / track_m) * apart
-    if difference_m:
+    if np.any(difference_m):
         u1 = u1 + (0.25 * difference_m) * apart
         u2 = u2 + (0.5 * difference_m / track_m) * both
     return u1, u2
@@ -104,12 +107,13 @@ def wheels_from_twist(twist: FloatArray, robot: RobotParameters) -> FloatArray:
 
 
 def rolling_wheels(
-    twist: FloatArray, radius_m: Value, track_m: Value, difference_m: float = 0.0
+    twist: FloatArray, radius_m: Value, track_m: Value, difference_m: Value = 0.0
 ) -> FloatArray:
     """The inverse of `rolling`: wheel speeds (..., 2) from (u1, u2) (..., 2)."""
     forward, turn = twist[..., 0], 0.5 * track_m * twist[..., 1]
     speeds = np.stack([forward + turn, forward - turn], axis=-1)
-    radii = np.asarray(radius_m)[..., None] + (0.5 * difference_m) * RIGHT_LESS_LEFT
+    apart = np.asarray(0.5 * difference_m)[..., None] * RIGHT_LESS_LEFT
+    radii = np.asarray(radius_m)[..., None] + apart
     return np.asarray(speeds / radii)
 
 

@@ -50,9 +50,9 @@ Region = Annotated[Disc | Rectangle, Field(discriminator="shape")]
 
 
 def friction_at(regions: tuple[Region, ...], points: FloatArray, elsewhere: float) -> FloatArray:
-    """(...) friction at points (..., 2); where regions overlap, the last one's."""
+    """(nsim, n) friction at points (nsim, n, 2); where regions overlap, the last one's."""
     x, y = points[..., 0], points[..., 1]
-    friction = np.full(x.shape, elsewhere)
+    friction = np.broadcast_to(elsewhere, x.shape)
     for region in regions:
-        friction[region.covers(x, y)] = region.friction
+        friction = np.where(region.covers(x, y), region.friction, friction)
     return friction

@@ -2,6 +2,8 @@
 
 Under a command the setpoint of a wheel changes at the acceleration limit until it arrives, and
 holds: it is linear in time but for one kink.
+
+Commands and speeds are (..., nsim, 2); the servo may be those of every simulation.
 """
 
 from __future__ import annotations
@@ -11,19 +13,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.config import column
 from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import BoolArray, FloatArray
 
 
 def limit_speed(command_rad_s: FloatArray, servo: Servo) -> FloatArray:
-    """The command clipped to the servo's speed range, any shape [rad/s]."""
-    limit = servo.speed_limit_rad_s
+    """The command clipped to the servo's speed range [rad/s]."""
+    limit = column(servo.speed_limit_rad_s)
     return np.minimum(np.maximum(command_rad_s, -limit), limit)
 
 
 def arrival_s(change_rad_s: FloatArray, servo: Servo) -> FloatArray:
-    """How long a setpoint ramps to change by so much, any shape [s]."""
-    return np.asarray(np.abs(change_rad_s) / servo.acceleration_limit_rad_s2)
+    """How long a setpoint ramps to change by so much [s]."""
+    return np.asarray(np.abs(change_rad_s) / column(servo.acceleration_limit_rad_s2))
 
 
 def ramp(
@@ -40,8 +43,9 @@ def ramp(
     Returns:
         (nsim, n, 2) setpoints [rad/s].
     """
-    change = (limit_speed(command_rad_s, servo) - start_rad_s)[:, None, :]
-    return start_rad_s[:, None, :] + _reached(change, time_s[:, None], servo)
+    change = limit_speed(command_rad_s, servo) - start_rad_s
+    reach = column(column(servo.acceleration_limit_rad_s2)) * time_s[:, None]
+    return start_rad_s[:, None, :] + _within(change[:, None, :], reach)
 
 
 def ramp_and_angle(
@@ -49,11 +53,11 @@ def ramp_and_angle(
 ) -> tuple[FloatArray, FloatArray]:
     """By how much a setpoint that is to change has changed after a time, and its integral.
 
-    Any shape; [rad/s] and [rad].
+    [rad/s] and [rad].
     """
     ramping = np.minimum(arrival_s(change_rad_s, servo), time_s)
     # sign·(½·A·τ² + |change|·(time − τ)), with A·τ = the change so far
-    moved = np.copysign(servo.acceleration_limit_rad_s2 * ramping, change_rad_s)
+    moved = np.copysign(column(servo.acceleration_limit_rad_s2) * ramping, change_rad_s)
     return moved, moved * (time_s - 0.5 * ramping)
 
 
@@ -115,12 +119,12 @@ def cut(
     if physics_step_s:
         lead = 0.5 * np.where(begin < last, physics_step_s, arrival - last)
     # From the kink on exactly zero; differences over short stretches would not be.
-    rate = np.where(begin < arrival, np.copysign(servo.acceleration_limit_rad_s2, change), 0.0)
-    speed = start_rad_s + _reached(change, begin, servo)
+    limit = column(servo.acceleration_limit_rad_s2)
+    rate = np.where(begin < arrival, np.copysign(limit, change), 0.0)
+    speed = start_rad_s + _within(change, limit * begin)
     return Stretches(edge[1:] - edge[:-1], speed, rate, np.broadcast_to(lead, rate.shape))
 
 
-def _reached(change_rad_s: FloatArray, time_s: FloatArray, servo: Servo) -> FloatArray:
-    """By how much a setpoint that is to change has changed after times."""
-    reach = servo.acceleration_limit_rad_s2 * time_s
-    return np.minimum(np.maximum(change_rad_s, -reach), reach)
+def _within(change_rad_s: FloatArray, reach_rad_s: FloatArray) -> FloatArray:
+    """As much of a change as is within reach."""
+    return np.minimum(np.maximum(change_rad_s, -reach_rad_s), reach_rad_s)

@@ -2,6 +2,7 @@
 
 import copy
 import os
+from functools import partial
 from typing import NamedTuple
 
 import mujoco
@@ -9,6 +10,7 @@ import numpy as np
 from mujoco import batch
 from numpy.typing import NDArray
 
+from ttwmr_mj.config import column, columns, each, rows_of
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Drive, Firmware
@@ -42,7 +44,8 @@ class ContactPlant(Plant):
     """MuJoCo rigid bodies, contacts and servos behind the `Plant` protocol.
 
     A single run is a batch of one, so there is one code path; results are the same bits at any
-    thread count and batch size.
+    thread count and batch size. Robot, options and ground may be those of every simulation
+    (`config.stacked`): each then runs on a compiled model of its own.
     """
 
     def __init__(
@@ -61,14 +64,24 @@ class ContactPlant(Plant):
         mujoco.MjLogConfig.set(log)
         self.nsim = nsim
         self.time_step_s = options.timestep_s
-        self.model = build_model(robot, options, ground, torque_input=torque_input)
+        built = [rows_of(part, nsim) for part in (robot, options, ground)]
+        models = _compiled(list(zip(*built, strict=True)), torque_input=torque_input)
+        self.model = models[0]
         self._joints = Joints(self.model)
         self._robot, self._torque_input = robot, torque_input
-        self._drive = Drive.of(robot.servo, torque_input=torque_input)
-        self._firmware = Firmware(motor) if (motor := robot.servo.motor) else None
-        self._regions, self._elsewhere = ground.regions, options.floor_friction
-        self._settled_qpos = self._settle()
-        self._batch = batch.Batch(self.model, nsim, nthread or min(nsim, os.cpu_count() or 1))
+        drive = each(partial(Drive.of, torque_input=torque_input), robot.servo)
+        self._back = column(drive.back)
+        self._firmware = Firmware(columns(motor)) if (motor := robot.servo.motor) else None
+        self._regions, self._elsewhere = columns(ground).regions, column(options.floor_friction)
+        self._leans = bool(np.any(robot.trailer.com_lateral_m))
+        threads = nthread or min(nsim, os.cpu_count() or 1)
+        self._settled_qpos = self._settle(models, threads)
+        self._batch = batch.Batch(self.model, nsim, threads)
+        self._own_models: list[mujoco.MjModel] = []
+        if any(model is not self.model for model in models):
+            # whose floor is written to as it drives needs a model of its own
+            self._own_models = [copy.copy(m) for m in models] if self._regions else models
+            self._batch.set_models(self._own_models)
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
         self._control = self._batch.bind("ctrl")
@@ -88,26 +101,31 @@ class ContactPlant(Plant):
         self._record: tuple[str, ...] = ()
         self._passed: list[tuple[FloatArray, FloatArray, FloatArray]] = []
 
-    def _settle(self) -> FloatArray:
-        """(nq,) generalized positions of the robot standing still in its contacts at the origin.
+    def _settle(self, models: list[mujoco.MjModel], threads: int) -> FloatArray:
+        """(nsim, nq) generalized positions of robots standing in their contacts at the origin.
 
-        It sinks and tilts about its y axis; nothing else may differ from the keyframe, but for a
-        load off the axis, which also tilts it about x. Whatever the floor's slope, it stands as if
-        it were not pulled along.
+        They sink and tilt about their y axis; nothing else may differ from the keyframe, but for a
+        load off the axis, which also tilts about x. Whatever the floor's slope, a robot stands as
+        if it were not pulled along.
         """
-        level = copy.copy(self.model)
-        level.opt.gravity[:2] = 0.0
-        alone = batch.Batch(level, 1, 1)
-        qpos = alone.bind("qpos")
-        alone.reset(keyframe=0)
-        standing = np.array(qpos[0])
-        alone.step(nstep=round(SETTLE_S / self.time_step_s))
+        first = {id(model): i for i, model in reversed(list(enumerate(models)))}
+        place = {key: i for i, key in enumerate(first)}
+        level = [copy.copy(models[i]) for i in first.values()]
+        for model in level:
+            model.opt.gravity[:2] = 0.0
+        apart = batch.Batch(level[0], len(level), min(threads, len(level)))
+        if len(level) > 1:
+            apart.set_models(level)
+        qpos = apart.bind("qpos")
+        apart.reset(keyframe=0)
+        standing = np.array(qpos)
+        apart.step(nstep=round(SETTLE_S / self.time_step_s))
         free = self._joints.free_qpos
-        tilts = [free + Y, free + X] if self._robot.trailer.com_lateral_m else [free + Y]
+        tilts = [free + Y, free + X] if self._leans else [free + Y]
         sunk = [free + HEIGHT, *tilts]
-        standing[sunk] = np.round(qpos[0, sunk], SETTLED_DECIMALS)
-        standing[free + W] = np.sqrt(1.0 - (standing[tilts] ** 2).sum())
-        return standing
+        standing[:, sunk] = np.round(qpos[:, sunk], SETTLED_DECIMALS)
+        standing[:, free + W] = np.sqrt(1.0 - (standing[:, tilts] ** 2).sum(axis=1))
+        return standing[[place[id(model)] for model in models]]
 
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
@@ -124,7 +142,7 @@ class ContactPlant(Plant):
             self._firmware.reset(angles, self._setpoint, given)
         self._passed.clear()
         # inputs that give no torque: of zero, servos would brake in the first readings
-        self._control[:] = self._drive.back * self._setpoint
+        self._control[:] = self._back * self._setpoint
         self._batch.forward()
         if self._regions:
             self._feel_floor()
@@ -205,7 +223,10 @@ class ContactPlant(Plant):
         """Give wheels and balls the friction of where they are now, until this is called again."""
         places = self._body_position[:, self._touching, :2]
         friction = friction_at(self._regions, places, self._elsewhere)
-        self._batch.expand("geom_friction")[:, self._touching_geoms, 0] = friction
+        if not self._own_models:
+            self._batch.expand("geom_friction")[:, self._touching_geoms, 0] = friction
+        for model, values in zip(self._own_models, friction, strict=False):
+            model.geom_friction[self._touching_geoms, 0] = values
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
         """From now on, push the halves' chassis at their centres of mass.
@@ -248,6 +269,16 @@ class ContactPlant(Plant):
         counters = self._batch.warning[index]
         raised = np.flatnonzero(counters[:, 1])
         return " ".join(mujoco.mju_warningText(int(i), int(counters[i, 0])) for i in raised)
+
+
+def _compiled(
+    robots: list[tuple[RobotParameters, ContactOptions, Ground]], *, torque_input: bool
+) -> list[mujoco.MjModel]:
+    """A model for each robot in its laboratory, equal ones only once."""
+    models = {
+        robot: build_model(*robot, torque_input=torque_input) for robot in dict.fromkeys(robots)
+    }
+    return [models[robot] for robot in robots]
 
 
 def _contact_columns(model: mujoco.MjModel) -> NDArray[np.intp]:

@@ -1,6 +1,6 @@
 """How contact physics is solved, and the floor: chosen by measurement (models/README.md)."""
 
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -12,6 +12,8 @@ SCENE = "give a scene file, relative to the scenario, or leave the key out for t
 
 class ContactOptions(Config):
     """Settings of the MuJoCo plant."""
+
+    same_in_batch: ClassVar[frozenset[str]] = frozenset({"timestep_s"})
 
     timestep_s: float = Field(
         default=0.0005,

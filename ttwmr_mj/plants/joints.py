@@ -49,13 +49,16 @@ class Joints:
         return q, q_rate
 
     def standing(self, pattern: FloatArray, q: FloatArray) -> FloatArray:
-        """The qpos (nsim, nq) of robots at q (nsim, 3 + n) that stand like a pattern of yaw 0."""
+        """The qpos (nsim, nq) of robots at q (nsim, 3 + n) that stand like patterns of yaw 0.
+
+        There is a pattern (nq,), or one for each robot (nsim, nq).
+        """
         free = self.free_qpos
-        qpos = np.tile(pattern, (len(q), 1))
+        qpos = np.array(np.broadcast_to(pattern, (len(q), pattern.shape[-1])))
         qpos[:, free : free + 2] = q[:, :2]
         half = 0.5 * q[:, THETA1]
         cos, sin = np.cos(half), np.sin(half)
-        w, x, y, z = pattern[free + W : free + Z + 1]
+        w, x, y, z = pattern[..., free + W : free + Z + 1].T
         # yaw about the world's vertical, on top of the pattern's tilt
         turned = [cos * w - sin * z, cos * x - sin * y, cos * y + sin * x, cos * z + sin * w]
         qpos[:, free + W : free + Z + 1] = np.stack(turned, axis=-1)

@@ -1,17 +1,27 @@
-"""What a reviewer sees on opening a run: the robot on the left, the plots on the right."""
+"""What a reviewer sees on opening a run: the robot on the left, its errors on the right."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import rerun.blueprint as rrb
 
 from ttwmr_mj.recording import layout
-from ttwmr_mj.recording.plots import PLOTS, SENSING, signal_path
+from ttwmr_mj.recording.layout import Range
+from ttwmr_mj.recording.plots import PLOTS, STATES, signal_path
 from ttwmr_mj.recording.scene import driven_paths
+from ttwmr_mj.recording.target import miss_paths
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.state import FloatArray
 
 OVERHEAD_ASPECT = 1.2  # width per height of the view from above
+TABS = {  # title → plots
+    "Errors": ("position_error", "angle_error", "estimate_error"),
+    "Motion": ("x", "y", "theta1", "theta2", "tractor_error", "trailer_error"),
+    "Wheels": ("wheel_speed", "hitch_angle"),
+    "Estimation": ("estimate_angle_error", "measurement_age"),
+}
+COLUMNS = {"Motion": 2}  # of plots; one in the other tabs
+STATES_TAB = "Wheels"  # below whose plots the states are
 
 
 def blueprint(
@@ -21,6 +31,8 @@ def blueprint(
     *,
     camera: bool = False,
     signals: Iterable[str] = (),
+    ranges: Mapping[str, Range] | None = None,
+    times_s: Range | None = None,
 ) -> rrb.Blueprint:
     """The layout.
 
@@ -30,45 +42,57 @@ def blueprint(
         floor_m: (2, 2) lower and upper corner of the floor, to be seen whole from above.
         camera: show the camera's picture and how well the robot is known.
         signals: names of what the control law logs, each with a plot in a tab of their own.
+        ranges: plot → its smallest and largest value, where they are known.
+        times_s: the first and the last time of the run, once they are known.
     """
-    apart = {*SENSING, *_empty_plots(reference)}
-    tabs = [_tab("Motion", [_plot(plot) for plot in PLOTS if plot not in apart])]
-    if camera:
-        tabs.append(_tab("Estimation", [_plot(plot) for plot in (*SENSING, "theta1", "theta2")]))
-    if signals:
-        tabs.append(_tab("Signals", [layout.plot_view(signal_path(s), s) for s in signals]))
-    return layout.page(
-        rrb.Horizontal(
-            _robot(name, floor_m, camera=camera), rrb.Tabs(*tabs) if len(tabs) > 1 else tabs[0]
+    none = _empty_plots(reference, camera)
+    tabs = []
+    for title, plots in TABS.items():
+        shown = [plot for plot in plots if plot not in none]
+        views: list[rrb.View] = [_plot(plot, (ranges or {}).get(plot), times_s) for plot in shown]
+        if title == STATES_TAB:
+            states = (*STATES, "tracker") if camera else tuple(STATES)
+            views.append(layout.states_view(", ".join(states), states, times_s))
+        if views:
+            tabs.append(rrb.Grid(*views, grid_columns=COLUMNS.get(title, 1), name=title))
+    if names := tuple(signals):
+        plots_of = (
+            layout.plot_view(
+                signal_path(s), s, values=(ranges or {}).get(signal_path(s)), times_s=times_s
+            )
+            for s in names
         )
-    )
+        tabs.append(rrb.Grid(*plots_of, grid_columns=1 if len(names) < 4 else 2, name="Signals"))
+    tabs.append(layout.report_view("Numbers", layout.DETAILS))
+    robot = _robot(name, floor_m, camera=camera)
+    return layout.page(rrb.Horizontal(robot, rrb.Tabs(*tabs, active_tab=0), column_shares=[3, 2]))
 
 
 def _robot(name: str, floor_m: FloatArray, *, camera: bool) -> rrb.Vertical:
     """The robot from behind; below it from above or in the camera's picture, and the report."""
     robot = layout.scene_view("Robot", layout.following_eye(), driven_paths())
     report = layout.report_view(name)
-    if camera:
-        below = rrb.Horizontal(layout.picture_view("Camera"), report, column_shares=[5, 3])
-        return rrb.Vertical(robot, below, row_shares=[1, 1])
-    above = layout.scene_view("From above", _overhead_eye(floor_m), driven_paths())
-    return rrb.Vertical(robot, rrb.Horizontal(above, report), row_shares=[3, 2])
+    beside = (
+        layout.picture_view("Camera")
+        if camera
+        else layout.scene_view("From above", _overhead_eye(floor_m), driven_paths(), miss_paths())
+    )
+    below = rrb.Horizontal(beside, report)
+    return rrb.Vertical(robot, layout.key_view(), below, row_shares=[12, 1, 8])
 
 
-def _tab(name: str, plots: list[rrb.TimeSeriesView]) -> rrb.Grid:
-    """Plots, and the flags below them."""
-    flags = layout.states_view("limits and tracker")
-    return rrb.Grid(*plots, flags, grid_columns=2, name=name)
+def _plot(name: str, values: Range | None, times_s: Range | None) -> rrb.TimeSeriesView:
+    plot = PLOTS[name]
+    return layout.plot_view(
+        f"plots/{name}", plot.title, plot.legend, values=values, times_s=times_s
+    )
 
 
-def _plot(name: str) -> rrb.TimeSeriesView:
-    return layout.plot_view(f"plots/{name}", PLOTS[name].title, PLOTS[name].legend)
-
-
-def _empty_plots(reference: ReferencePath | None) -> set[str]:
+def _empty_plots(reference: ReferencePath | None, camera: bool) -> set[str]:
+    none = set() if camera else {"estimate_error", *TABS["Estimation"]}
     if reference is None:
-        return {"tractor_error", "trailer_error", "angle_error"}
-    return {"trailer_error"} if np.isnan(reference.theta2_rad[:, 0]).all() else set()
+        return none | {"position_error", "tractor_error", "trailer_error", "angle_error"}
+    return none | ({"trailer_error"} if np.isnan(reference.theta2_rad[:, 0]).all() else set())
 
 
 def _overhead_eye(floor_m: FloatArray) -> rrb.EyeControls3D:

@@ -25,7 +25,10 @@ CIRCLE: FloatArray = np.stack([np.cos(ANGLE), np.sin(ANGLE)], axis=-1)
 STATUS_LOOKS = {
     str(status): (label, colour)
     for status, label, colour in zip(
-        Status, (" ", "blind", "lost"), (style.ESTIMATE, style.REFERENCE, style.ALERT), strict=True
+        Status,
+        ("tracking", "blind", "lost"),
+        (style.ESTIMATE, style.REFERENCE, style.ALERT),
+        strict=True,
     )
 }
 # What never changes is said once: columns of colours cost more than the points. Lengths in px.
@@ -60,7 +63,7 @@ class CameraView:
         self._layout = layout
         self._show_every = show_every
         self._arrived = 0  # frames so far
-        self._status = StateLog(stream, "flags/tracker", STATUS_LOOKS)
+        self._status = StateLog(stream, "tracker", STATUS_LOOKS)
         for name, (archetype, looks) in OVERLAY_LOOKS.items():
             stream.log(f"{PICTURE}/{name}", archetype.from_fields(**looks), static=True)
 

@@ -1,4 +1,7 @@
-"""The plots of a run: which curves each shows, their names and colours, and their values."""
+"""The plots of a run: which curves each shows, their names and colours, and their values.
+
+The key below the scene tells the colours apart, so that most plots need no legend.
+"""
 
 from dataclasses import dataclass, field
 
@@ -9,6 +12,7 @@ from rerun.blueprint import Corner2D
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.series import Series, SeriesLog, StateLog
 from ttwmr_mj.recording.style import Colour
+from ttwmr_mj.recording.words import drawable
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import FloatArray, wrap
@@ -33,10 +37,10 @@ class Plot:
     series: dict[str, Series] = field(default_factory=dict)
 
 
-def _against_reference(title: str, truth: Colour, legend: Corner2D) -> Plot:
+def _against_reference(title: str, truth: Colour) -> Plot:
     return Plot(
         title,
-        legend,
+        None,
         {
             "reference": Series(("reference",), (style.REFERENCE,), width=BAND),
             "seen": Series(("estimated",), (style.ESTIMATE,)),
@@ -55,7 +59,7 @@ def _angles(title: str) -> Plot:
         "theta1": Series(("θ1",), (style.TRACTOR,)),
         "theta2": Series(("θ2",), (style.TRAILER,)),
     }
-    return Plot(title, Corner2D.RightTop, lines)
+    return Plot(title, None, lines)
 
 
 _WHEEL_SPEED = {
@@ -68,30 +72,55 @@ _WHEEL_SPEED = {
     "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
 }
 PLOTS: dict[str, Plot] = {
-    "x": _against_reference("x of P [m]", style.TRACTOR, Corner2D.RightTop),
-    "y": _against_reference("y of P [m]", style.TRACTOR, Corner2D.RightTop),
-    "theta1": _against_reference("θ1 of the tractor [rad]", style.TRACTOR, Corner2D.RightBottom),
-    "theta2": _against_reference("θ2 of the trailer [rad]", style.TRAILER, Corner2D.RightBottom),
-    "tractor_error": _single("position error of P [mm]", style.TRACTOR),
-    "trailer_error": _single("position error of the trailer's COM [mm]", style.TRAILER),
+    "x": _against_reference("x of P [m]", style.TRACTOR),
+    "y": _against_reference("y of P [m]", style.TRACTOR),
+    "theta1": _against_reference("θ1 of the tractor [rad]", style.TRACTOR),
+    "theta2": _against_reference("θ2 of the trailer [rad]", style.TRAILER),
+    # The viewer has no logarithmic axis, so the logarithm is what is recorded.
+    "position_error": Plot(
+        "distance from the reference, log₁₀ of mm: 0 = 1 mm, 1 = 1 cm, 2 = 10 cm",
+        None,
+        {
+            "tractor": Series(("tractor, P",), (style.TRACTOR,)),
+            "trailer": Series(("trailer, COM",), (style.TRAILER,)),
+        },
+    ),
+    "tractor_error": _single("P from its reference [mm]", style.TRACTOR),
+    "trailer_error": _single("trailer's COM from its reference [mm]", style.TRAILER),
     "angle_error": _angles("angle errors [°]"),
     "hitch_angle": _single("hitch angle θ2 − θ1 [°]", style.TRAILER),
-    "wheel_speed": Plot("wheel speeds [rad/s]", Corner2D.RightBottom, _WHEEL_SPEED),
+    "wheel_speed": Plot("wheel speeds [rad/s]", Corner2D.RightTop, _WHEEL_SPEED),
     "estimate_error": _single("estimation error of P [mm]", style.ESTIMATE, "seen"),
     "estimate_angle_error": _angles("estimation errors of the angles [mrad]"),
     "measurement_age": _single("age of the newest measurement [ms]", style.ESTIMATE, "seen"),
 }
-SENSING = ("estimate_error", "estimate_angle_error", "measurement_age")  # shown with a camera
-FLAGS = ("saturated", "near_singular")
-YES_NO = {"no": (" ", style.IDLE), "yes": ("yes", style.ALERT)}
+LEAST_ERROR_MM = 1e-3  # of the logarithm: a micrometre, less is nothing
+RESTING_M_S = 1e-3
+STATES: dict[str, dict[str, tuple[str, Colour]]] = {  # state → value → label and colour
+    "wheels": {
+        "free": ("within their limits", style.IDLE),
+        "saturated": ("at their limit", style.ALERT),
+    },
+    "law": {
+        "regular": ("regular", style.IDLE),
+        "resting": ("at rest", style.RESTING),
+        "near_singular": ("near its singularity", style.ALERT),
+    },
+}
 
 
 class Plots:
-    """Everything under plots/ and flags/ in one recording."""
+    """Everything under plots/ and the states in one recording.
+
+    Attributes:
+        ranges: plot, or path of a signal → its smallest and largest value so far.
+    """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
         self._series = SeriesLog(stream)
-        self._flags = {name: StateLog(stream, f"flags/{name}", YES_NO) for name in FLAGS}
+        self._states = {name: StateLog(stream, name, looks) for name, looks in STATES.items()}
+        self._resting = False
+        self.ranges: dict[str, tuple[float, float]] = {}
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
         """Log the next rows of the run, of one simulation, and the curves of the same rows."""
@@ -99,11 +128,29 @@ class Plots:
             for name, values in series.items():
                 look = PLOTS[plot].series[name]
                 self._series.append(f"plots/{plot}/{name}", look, rows.time_s, values)
+                self._widen(plot, values)
         for name, values in rows.signals.items():
-            look = Series((name,), (style.TRACTOR,))
+            look = Series((drawable(name),), (style.TRACTOR,))
             self._series.append(signal_path(name), look, rows.time_s, values)
-        for name, flag in self._flags.items():
-            flag.append(rows.time_s, np.where(getattr(rows, name)[:, 0], "yes", "no").tolist())
+            self._widen(signal_path(name), values)
+        wheels = np.where(rows.saturated[:, 0], "saturated", "free").tolist()
+        self._states["wheels"].append(rows.time_s, wheels)
+        self._states["law"].append(rows.time_s, self._law_states(rows))
+
+    def _widen(self, plot: str, values: FloatArray) -> None:
+        known = values[np.isfinite(values)]
+        if known.size:
+            low, high = self.ranges.get(plot, (np.inf, -np.inf))
+            self.ranges[plot] = min(low, float(known.min())), max(high, float(known.max()))
+
+    def _law_states(self, rows: Trajectory) -> list[str]:
+        """A law is singular at standstill, which is no news of a robot that rests or starts."""
+        states = []
+        slow = np.hypot(*rows.q_rate[:, 0, :2].T) < RESTING_M_S
+        for near, still in zip(rows.near_singular[:, 0], slow, strict=True):
+            self._resting = bool(near and (still or self._resting))
+            states.append("resting" if self._resting else "near_singular" if near else "regular")
+        return states
 
 
 def signal_path(name: str) -> str:
@@ -120,6 +167,13 @@ def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]
         for i, plot in enumerate(("x", "y", "theta1", "theta2"))
     }
     degrees = np.degrees(curves.theta_error_rad[:, 0])
+    values["position_error"] = {
+        name: np.log10(np.maximum(1e3 * error_m, LEAST_ERROR_MM))
+        for name, error_m in (
+            ("tractor", curves.tractor_error_m),
+            ("trailer", curves.trailer_error_m),
+        )
+    }
     values["tractor_error"] = {"true": 1e3 * curves.tractor_error_m}
     values["trailer_error"] = {"true": 1e3 * curves.trailer_error_m}
     values["angle_error"] = {"theta1": degrees[:, [0]], "theta2": degrees[:, [1]]}

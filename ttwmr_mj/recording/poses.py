@@ -30,19 +30,24 @@ class BodyPoses:
             (n, nbody, 3) origins [m] and (n, nbody, 4) quaternions (w, x, y, z), world frame.
         """
         qpos = rows.joint_positions[:, 0]
-        if qpos.shape[1] == 0:
-            qpos = self._standing(rows)
+        return self._kinematics(qpos if qpos.shape[1] else self._rolling(rows))
+
+    def standing_at(self, q: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Poses of a robot that stands level at q (n, 3 + trailers); shapes as of `at`."""
+        return self._kinematics(self._joints.standing(np.array(self._model.qpos0), q))
+
+    def _kinematics(self, qpos: FloatArray) -> tuple[FloatArray, FloatArray]:
         model, data = self._model, self._data
-        position = np.empty((len(rows), model.nbody, 3))
-        quaternion = np.empty((len(rows), model.nbody, 4))
+        position = np.empty((len(qpos), model.nbody, 3))
+        quaternion = np.empty((len(qpos), model.nbody, 4))
         # faster than mujoco.batch: one MjData stays in the cache
-        for k in range(len(rows)):
+        for k in range(len(qpos)):
             data.qpos[:] = qpos[k]
             mujoco.mj_kinematics(model, data)
             position[k], quaternion[k] = data.xpos, data.xquat
         return position, quaternion
 
-    def _standing(self, rows: Trajectory) -> FloatArray:
+    def _rolling(self, rows: Trajectory) -> FloatArray:
         """(n, nq) generalized positions of a robot that stands level on its wheels, as in qpos0."""
         qpos = self._joints.standing(np.array(self._model.qpos0), rows.q[:, 0])
         qpos[:, self._joints.wheel_qpos] = self._roll(rows.time_s, rows.wheel_speed_rad_s[:, 0])

@@ -10,6 +10,7 @@ import rerun_bindings
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.layout import REPORT
+from ttwmr_mj.recording.words import drawable
 
 
 class RrdFile:
@@ -48,10 +49,10 @@ class RrdFile:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _report(self, markdown: str) -> None:
-        """Show this in the text panel, instead of what it shows now."""
-        document = rr.TextDocument(markdown, media_type=rr.MediaType.MARKDOWN)
-        self._stream.log(REPORT, document, static=True)
+    def _report(self, markdown: str, path: str = REPORT) -> None:
+        """Show this in a text panel, instead of what it shows now."""
+        document = rr.TextDocument(drawable(markdown), media_type=rr.MediaType.MARKDOWN)
+        self._stream.log(path, document, static=True)
 
     def _check_open(self) -> None:
         if not self._open:  # rerun would drop the data with a warning

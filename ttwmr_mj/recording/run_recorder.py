@@ -11,10 +11,14 @@ import mujoco
 import numpy as np
 import rerun as rr
 
+from ttwmr_mj.recording import key, style
 from ttwmr_mj.recording.blueprint import blueprint
+from ttwmr_mj.recording.floor import floor_corners
+from ttwmr_mj.recording.key import Entry, draw_key
+from ttwmr_mj.recording.layout import DETAILS
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import Scene, floor_corners
+from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
@@ -67,6 +71,9 @@ class RunRecorder(RrdFile):
         self._signals: tuple[str, ...] = ()
         self._stream.send_property("scenario", rr.AnyValues(name=name))
         self._report(summary_markdown)
+        self._report(summary_markdown, DETAILS)
+        self._last_s: float | None = None
+        draw_key(self._stream, _key(reference, camera))
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
         self._camera: CameraView | None = None
@@ -92,6 +99,7 @@ class RunRecorder(RrdFile):
             self._signals = signals  # the layout was sent before the law said what it logs
             self._stream.send_blueprint(self._layout(signals=signals))
         self._plots.append(rows, curves)
+        self._last_s = float(rows.time_s[-1])
         self._stream.flush()
 
     def append_camera(
@@ -112,7 +120,26 @@ class RunRecorder(RrdFile):
         self._camera.append(records)
         self._stream.flush()
 
-    def finish(self, result_markdown: str) -> None:
-        """Show the result above the summary."""
+    def finish(self, result_markdown: str, details_markdown: str = "") -> None:
+        """Show how the run ended, and every plot over the range that its values took.
+
+        Args:
+            result_markdown: in place of the summary.
+            details_markdown: the numbers, above the summary in a tab of their own.
+        """
         self._check_open()
-        self._report(f"{result_markdown}\n\n{self._summary}")
+        self._report(result_markdown)
+        self._report(f"{details_markdown}\n\n{self._summary}", DETAILS)
+        if self._last_s is not None:
+            times_s, ranges = (0.0, self._last_s), self._plots.ranges
+            layout = self._layout(signals=self._signals, ranges=ranges, times_s=times_s)
+            self._stream.send_blueprint(layout)
+
+
+def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:
+    """What is drawn in the scene."""
+    entries = [key.REFERENCE] if reference is not None else []
+    entries += [key.TRACTOR, key.TRAILER]
+    entries += [key.MISS] if reference is not None else []
+    entries += [key.ESTIMATE] if camera else []
+    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm per N", style.FORCE, 1.6)]

@@ -8,10 +8,13 @@ import rerun as rr
 
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.recording import style
+from ttwmr_mj.recording.floor import TRACTOR_HEIGHT_M, TRAILER_HEIGHT_M, floor_shapes, lift
+from ttwmr_mj.recording.outline import VISUAL_GROUP
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
+from ttwmr_mj.recording.target import Target
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.results.curves import Curves, trailer_com
+from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -19,13 +22,6 @@ from ttwmr_mj.state import FloatArray
 WORLD = "world"
 P_MARKER = f"{WORLD}/tractor/P"
 
-VISUAL_GROUP = 2
-LAB_CORNERS_M = np.array([[-0.95, -0.71], [0.95, 0.71]])  # what the overhead camera sees
-FLOOR_MARGIN_M = 0.4
-GRID_M = 0.1
-# Lines on the floor lie apart, else they flicker through each other.
-GRID_HEIGHT_M, REFERENCE_HEIGHT_M, TRAILER_HEIGHT_M, TRACTOR_HEIGHT_M = 3e-4, 8e-4, 1.3e-3, 1.8e-3
-MARKER_HEIGHT_M = 0.11  # above the robot
 FORCE_SCALE_M_N = 0.03  # a contact that carries 2.5 N gets an arrow of 75 mm
 
 
@@ -41,7 +37,7 @@ class Scene:
         stream: of the recording.
         model: the robot to draw.
         robot: the numbers of that robot.
-        reference: drawn as a path and a marker; None draws none.
+        reference: drawn as where the robot should be; None draws none.
         floor_m: (2, 2) corners of the floor to draw; None draws none.
         root: the entity everything is put under.
     """
@@ -65,9 +61,12 @@ class Scene:
         self._draw_robot(model)
         self._draw("tractor/P", rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]))
         if floor_m is not None:
-            self._draw_floor(floor_m)
+            plate, grid = floor_shapes(floor_m)
+            self._draw("floor", plate)
+            self._draw("floor/grid", grid)
+        self._target: Target | None = None
         if reference is not None:
-            self._draw_reference(reference, robot)
+            self._target = Target(stream, model, robot, reference, root)
         for path, colour in zip(driven_paths(root), (style.TRACTOR, style.TRAILER), strict=True):
             line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
             stream.log(path, line, static=True)
@@ -86,47 +85,6 @@ class Scene:
                 path = f"{body}/{model.geom(i).name or f'geom_{i}'}"
                 self._stream.log(path, shape, static=True)
 
-    def _draw_floor(self, corners_m: FloatArray) -> None:
-        """A thin plate with a line every `GRID_M`, its top at z = 0."""
-        low, high = corners_m
-        plate = rr.Boxes3D(
-            mins=[[*low, -0.01]],
-            sizes=[[*(high - low), 0.01]],
-            colors=[style.FLOOR],
-            fill_mode="solid",
-        )
-        xs, ys = (np.arange(np.ceil(low[i] / GRID_M), high[i] / GRID_M) * GRID_M for i in range(2))
-        lines = [[(x, low[1]), (x, high[1])] for x in xs] + [
-            [(low[0], y), (high[0], y)] for y in ys
-        ]
-        grid = rr.LineStrips3D(
-            [_lift(np.array(line), GRID_HEIGHT_M) for line in lines],
-            colors=[style.GRID],
-            radii=rr.Radius.ui_points([0.5]),
-        )
-        self._draw("floor", plate)
-        self._draw("floor/grid", grid)
-
-    def _draw_reference(self, reference: ReferencePath, robot: RobotParameters) -> None:
-        """The whole reference, P as a line and the trailer's COM as a thinner one; P's marker."""
-        q = reference.q[:, 0]
-        trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
-        for name, pieces, width in (("tractor", [q[:, :2]], 1.4), ("trailer", trailer, 0.9)):
-            if pieces:
-                line = rr.LineStrips3D(
-                    [_lift(piece, REFERENCE_HEIGHT_M) for piece in pieces],
-                    colors=[style.REFERENCE],
-                    radii=rr.Radius.ui_points([width]),
-                )
-                self._draw(f"reference/{name}", line)
-        top = [0.0, 0.0, MARKER_HEIGHT_M]  # a pole with a ball on it, seen over the robot
-        pole = rr.LineStrips3D([[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[0.0012])
-        ball = rr.Ellipsoids3D(
-            centers=[top], radii=[0.007], colors=[style.REFERENCE], fill_mode="solid"
-        )
-        self._draw("reference/marker/pole", pole)
-        self._draw("reference/marker/ball", ball)
-
     def append(self, rows: Trajectory, curves: Curves) -> None:
         """Log the next rows of the run, of one simulation, and the curves of the same rows."""
         now = time_column(rows.time_s)
@@ -137,9 +95,10 @@ class Scene:
             )
             self._stream.send_columns(body, [now], columns)
         tractor, trailer = driven_paths(self._root)
-        self._append_path(tractor, now, _lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M))
-        self._append_path(trailer, now, _lift(curves.trailer_com_m[:, 0], TRAILER_HEIGHT_M))
-        self._append_marker(rows)
+        self._append_path(tractor, now, lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M))
+        self._append_path(trailer, now, lift(curves.trailer_com_m[:, 0], TRAILER_HEIGHT_M))
+        if self._target is not None:
+            self._target.append(rows, curves)
         if rows.contact_readings.shape[2]:
             self._append_forces(now, rows.contact_readings[:, 0])
 
@@ -149,16 +108,6 @@ class Scene:
         self._last_points[path] = ends_m[-1]
         strips = np.stack([starts, ends_m], axis=1)
         self._stream.send_columns(path, [now], rr.LineStrips3D.columns(strips=strips))
-
-    def _append_marker(self, rows: Trajectory) -> None:
-        """Move the marker to the reference of P, at the rows that have one."""
-        points = rows.ref_q[:, 0, :2]
-        known = np.isfinite(points).all(axis=1)
-        if not known.any():
-            return
-        columns = rr.Transform3D.columns(translation=_lift(points[known], 0.0))
-        path = f"{self._root}/reference/marker"
-        self._stream.send_columns(path, [time_column(rows.time_s[known])], columns)
 
     def _append_forces(self, now: rr.TimeColumn, readings: FloatArray) -> None:
         contacts = read_contacts(readings)
@@ -193,24 +142,6 @@ def _shape(
     return None
 
 
-def floor_corners(reference: ReferencePath | None) -> FloatArray:
-    """(2, 2) lower and upper corner [m] of a floor under the reference, at least the lab's."""
-    low, high = LAB_CORNERS_M
-    if reference is not None:
-        path = reference.position_m[:, 0]
-        low = np.minimum(low, path.min(axis=0) - FLOOR_MARGIN_M)
-        high = np.maximum(high, path.max(axis=0) + FLOOR_MARGIN_M)
-    return np.stack([low, high])
-
-
-def reference_pieces(points_m: FloatArray, theta2_rad: FloatArray) -> list[FloatArray]:
-    """The points (n, 2) cut where θ2 is undefined or jumps, in pieces of two and more."""
-    with np.errstate(invalid="ignore"):
-        broken = ~(np.abs(np.diff(theta2_rad)) < 0.5 * np.pi)
-    pieces = np.split(points_m, np.flatnonzero(broken) + 1)
-    return [piece for piece in pieces if len(piece) > 1 and np.isfinite(piece).all()]
-
-
 def _body_path(root: str, model: mujoco.MjModel, body: int) -> str:
     return root if body == 0 else f"{root}/{model.body(body).name or f'body_{body}'}"
 
@@ -218,8 +149,3 @@ def _body_path(root: str, model: mujoco.MjModel, body: int) -> str:
 def _xyzw(quaternion: FloatArray) -> FloatArray:
     """Rerun's order of MuJoCo's (w, x, y, z), last axis."""
     return np.roll(quaternion, -1, axis=-1)
-
-
-def _lift(points_m: FloatArray, height_m: float) -> FloatArray:
-    """(n, 3) points at a height over the floor, from (n, 2)."""
-    return np.column_stack([points_m, np.full(len(points_m), height_m)])

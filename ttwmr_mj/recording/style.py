@@ -1,21 +1,30 @@
-"""Colours with one meaning everywhere in a recording, as RGB."""
+"""Colours with one meaning everywhere in a recording, as RGB.
+
+Those of curves are of middle brightness: they lie on the light floor and on the dark plots.
+"""
 
 Colour = tuple[int, int, int]
 
-TRACTOR: Colour = (86, 180, 233)
-TRAILER: Colour = (232, 120, 190)
-REFERENCE: Colour = (245, 165, 30)
-ESTIMATE: Colour = (90, 200, 130)
-RIGHT: Colour = (86, 180, 233)
-LEFT: Colour = (240, 120, 90)
-COMMAND_RIGHT: Colour = (190, 225, 245)
-COMMAND_LEFT: Colour = (250, 205, 190)
-FORCE: Colour = (250, 225, 60)
-FLOOR: Colour = (112, 118, 128)
-GRID: Colour = (96, 102, 111)
+TRACTOR: Colour = (45, 145, 225)
+TRAILER: Colour = (222, 82, 165)
+REFERENCE: Colour = (240, 150, 20)
+REFERENCE_BAND: Colour = (255, 206, 128)  # wide and pale, so that what runs along it stays seen
+REFERENCE_PLACE: Colour = (255, 232, 192)
+ESTIMATE: Colour = (35, 170, 115)
+RIGHT: Colour = (45, 145, 225)
+LEFT: Colour = (235, 100, 60)
+COMMAND_RIGHT: Colour = (170, 210, 240)
+COMMAND_LEFT: Colour = (250, 200, 180)
+FORCE: Colour = (112, 84, 196)
+LIMIT: Colour = (150, 155, 162)
+FLOOR: Colour = (222, 226, 231)
+GRID: Colour = (198, 204, 211)
 IDLE: Colour = (70, 76, 84)
-ALERT: Colour = (235, 80, 70)
+RESTING: Colour = (96, 110, 128)
+ALERT: Colour = (226, 62, 50)
+WORDS: Colour = (255, 255, 255)
 FOUND_LABEL: Colour = (90, 255, 120)
 TRUE_LABEL: Colour = (255, 255, 255)
 COVARIANCE: Colour = (255, 90, 200)
-BACKGROUND: Colour = (24, 26, 30)
+SKY: Colour = (244, 246, 249)
+BACKGROUND: Colour = (24, 26, 30)  # of pictures and keys

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
 from itertools import chain
 from pathlib import Path
@@ -118,16 +119,21 @@ class Trajectory:
         """Rows for the given times, to be filled in place by the experiment."""
         n = time_s.shape[0]
         blank: dict[str, Any] = {
-            name: np.full((n, nsim, len(columns)), np.nan)
+            name: _blank(n, nsim, len(columns))
             for name, columns in column_table(3 + trailers).items()
         }
-        blank |= {name: np.full((n, nsim), value) for name, value in PER_SAMPLE.items()}
+        blank |= {name: _blank(n, nsim, value=value) for name, value in PER_SAMPLE.items()}
         return cls(
             time_s=time_s,
             **blank,
-            joint_positions=np.zeros((n, nsim, nq)),
-            contact_readings=np.zeros((n, nsim, ncontact, 15)),
+            joint_positions=_blank(n, nsim, nq, value=0.0),
+            contact_readings=_blank(n, nsim, ncontact, 15, value=0.0),
         )
+
+    def add_signals(self, names: Iterable[str]) -> None:
+        """Blank rows for what a law logs."""
+        for name in names:
+            self.signals[name] = _blank(len(self), self.nsim)
 
     @classmethod
     def read(cls, path: Path) -> Trajectory:
@@ -216,6 +222,11 @@ class Trajectory:
         except ImportError as error:
             raise MachineError("to_pandas needs pandas: pip install pandas") from error
         return pd.DataFrame(self.to_columns(simulation))
+
+
+def _blank(n: int, nsim: int, *shape: int, value: float | bool = np.nan) -> Any:
+    """(n, nsim, ...) of one value, every simulation by itself in memory, as if it were alone."""
+    return np.full((nsim, n, *shape), value).swapaxes(0, 1)
 
 
 def _table(columns: dict[str, FloatArray]) -> pa.Table:

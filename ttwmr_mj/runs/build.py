@@ -1,14 +1,18 @@
 """From a scenario to the objects of a run."""
 
+from collections import defaultdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.config import rows_of
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.plants.side_by_side import SideBySide
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
@@ -62,55 +66,85 @@ def refuse_trains(robot: RobotParameters) -> None:
         raise InputError.at("robot.trailers", got=f"{count} trailers", allowed="one, for now")
 
 
-def make_plant(scenario: Scenario, nsim: int = 1) -> Plant:
+def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
     """The plant, not yet reset.
+
+    Args:
+        scenario: the scenario, or those of as many simulations (`config.stacked`).
+        nsim: simulations in the batch.
+        nthread: threads of contact physics; 0: one per processor.
 
     Raises:
         InputError: no plant can drive this robot.
     """
     options, robot = scenario.plant, scenario.robot
     refuse_trains(robot)
+    if options.kind == "analytic":
+        return _of_equations(scenario, nsim)
+    # MuJoCo takes time to import, and may be unable to: only when it is needed
+    from ttwmr_mj.plants.contact import ContactPlant
+
+    torque, ground = scenario.control.torque_input, scenario.ground
+    return ContactPlant(robot, options.contact, nsim, nthread, torque_input=torque, ground=ground)
+
+
+def _of_equations(scenario: Scenario, nsim: int) -> Plant:
+    """The plant made of equations; one per robot, where simulations have different ones."""
+    rows = rows_of(scenario, nsim)
+    who = defaultdict[tuple[Any, ...], list[int]](list)
+    for i, row in enumerate(rows):
+        who[row.robot, row.ground, row.plant.analytic].append(i)
+    parts = [(_equations(rows[i[0]], len(i)), np.array(i)) for i in who.values()]
+    return parts[0][0] if len(parts) == 1 else SideBySide(parts)
+
+
+def _equations(scenario: Scenario, nsim: int) -> Plant:
+    options, robot = scenario.plant, scenario.robot
     step_s = scenario.control.sampling_time_s / scenario.steps_per_period
     longest_s = options.analytic.max_step_s
-    if options.kind == "analytic" and scenario.control.torque_input:
+    if scenario.control.torque_input:
         from ttwmr_mj.plants.kinetic import KineticPlant
 
         return KineticPlant(robot, nsim, step_s, longest_s, scenario.ground)
-    if options.kind == "analytic" and options.analytic.extended is not None:
+    if options.analytic.extended is not None:
         from ttwmr_mj.dynamics.extended import ExtendedModel
         from ttwmr_mj.plants.extended import ExtendedPlant
 
         model = ExtendedModel.of(robot, options.analytic.extended, scenario.ground)
         return ExtendedPlant(model, nsim, step_s, longest_s)
-    if options.kind == "analytic":
-        from ttwmr_mj.plants.analytic import AnalyticPlant
+    from ttwmr_mj.plants.analytic import AnalyticPlant
 
-        return AnalyticPlant(
-            robot,
-            nsim,
-            step_s,
-            longest_s,
-            ground=scenario.ground,
-            published_spring=options.analytic.published_spring,
-        )
-    # MuJoCo takes time to import, and may be unable to: only when it is needed
-    from ttwmr_mj.plants.contact import ContactPlant
-
-    torque, ground = scenario.control.torque_input, scenario.ground
-    return ContactPlant(robot, options.contact, nsim, torque_input=torque, ground=ground)
+    return AnalyticPlant(
+        robot,
+        nsim,
+        step_s,
+        longest_s,
+        ground=scenario.ground,
+        published_spring=options.analytic.published_spring,
+    )
 
 
-def make_controller(
-    scenario: Scenario, reference: ReferencePath | None, folder: Path
-) -> Controller:
-    """The controller, not yet started; `folder` is where a custom one is looked for first.
+def refuse_reference(scenario: Scenario, reference: ReferencePath | None) -> None:
+    """What the controller cannot follow.
 
     Raises:
-        InputError: it cannot follow this reference, or is a custom one that cannot be made.
+        InputError: this reference, as the controller is told it.
     """
     faults = scenario.controller.faults(scenario.reference, reference)
     if faults:
         raise InputError(*faults)
+
+
+def make_controller(scenario: Scenario, folder: Path) -> Controller:
+    """The controller, not yet started.
+
+    Args:
+        scenario: the scenario, or those of several simulations (`config.stacked`).
+        folder: where a custom controller is looked for first.
+
+    Raises:
+        InputError: it is a custom one that cannot be made.
+    """
     law = scenario.controller.make(folder)
     if scenario.control.inner_loop != "computed_torque":
         return law
@@ -119,8 +153,16 @@ def make_controller(
     return ComputedTorque(law, scenario.control.rate_gain_1_s)
 
 
-def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, folder: Path) -> Sensor:
-    """The sensor with its latency; `folder` is where a calibration file is looked for.
+def make_sensor(
+    scenario: Scenario, plant: Plant, rngs: list[np.random.Generator], folder: Path
+) -> Sensor:
+    """The sensor with its latency.
+
+    Args:
+        scenario: the scenario; with truth, or those of as many simulations (`config.stacked`).
+        plant: what is looked at.
+        rngs: one per simulation; a camera uses the first.
+        folder: where a calibration file is looked for.
 
     Raises:
         InputError: the calibration cannot be used.
@@ -128,12 +170,12 @@ def make_sensor(scenario: Scenario, plant: Plant, rng: np.random.Generator, fold
     """
     section, period = scenario.sensing, scenario.control.sampling_time_s
     if section.kind == "truth":
-        return TruthSensor(section, period, plant.nsim, rng, scenario.belief.latency_s)
+        return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.plants.mjcf import build_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
-    calibration_rng, camera_rng = rng.spawn(2)
+    calibration_rng, camera_rng = rngs[0].spawn(2)
     return CameraSensor(
         section,
         find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
@@ -165,7 +207,10 @@ def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int
 
 def generators(seed: int, names: tuple[str, ...]) -> dict[str, np.random.Generator]:
     """One independent random generator per name; adding a name leaves the others as they were."""
-    return {
-        name: np.random.default_rng(np.random.SeedSequence([seed, *name.encode()]))
-        for name in names
-    }
+    return {name: generator(seed, name) for name in names}
+
+
+def generator(seed: int, name: str, *key: int) -> np.random.Generator:
+    """The generator of one name, or its child of a number."""
+    sequence = np.random.SeedSequence([seed, *name.encode()], spawn_key=key)
+    return np.random.default_rng(sequence)

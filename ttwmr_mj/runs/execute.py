@@ -16,7 +16,7 @@ from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
-from ttwmr_mj.runs.report import result_text, summary
+from ttwmr_mj.runs.report import details_text, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
@@ -117,19 +117,10 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
-    rows = judged(result.trajectory, scenario)
-    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
-    (verdict,) = result.verdicts
-    took = result.control_time_s
+    (outcome,), took = result.outcomes, result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
-        "verdict": verdict.name,
-        "verdict_reason": verdict.what,
-        "status": outcome.status,
-        "reason": outcome.reason,
-        "end_time_s": outcome.time_s,
-        **numbers,
-        **frame_metrics(scenario),
+        **repeatable_metrics(result, scenario),
         "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
         # Commands that took longer than a period, on this machine under its load. On a real robot
         # they would come too late; here they are used all the same, so that results do not depend
@@ -138,6 +129,22 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "control_slowest_s": float(took.max()) if took.size else None,
         "wall_time_s": wall_time_s,
         "real_time_factor": outcome.time_s / wall_time_s,
+    }
+
+
+def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
+    """What is in metrics.json whenever the run is repeated: all but the times it took."""
+    rows = judged(result.trajectory, scenario)
+    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
+    (verdict,) = result.verdicts
+    return {
+        "verdict": verdict.name,
+        "verdict_reason": verdict.what,
+        "status": outcome.status,
+        "reason": outcome.reason,
+        "end_time_s": outcome.time_s,
+        **numbers,
+        **frame_metrics(scenario),
     }
 
 
@@ -155,7 +162,8 @@ def _simulate(
         background.wait()
         if recorder is not None:
             wall_time_s = sum(result.wall_time_s.values())
-            recorder.finish(result_text(scenario, metrics_of(result, scenario, wall_time_s)))
+            metrics = metrics_of(result, scenario, wall_time_s)
+            recorder.finish(result_text(scenario, metrics), details_text(metrics))
     return result
 
 

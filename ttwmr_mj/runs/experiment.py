@@ -5,16 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
-from ttwmr_mj.runs import build
-from ttwmr_mj.runs.actuation import Actuation
-from ttwmr_mj.runs.loop import Loop, Outcome, Report
+from ttwmr_mj.runs.loop import Outcome, Report
 from ttwmr_mj.runs.pushes import Push
+from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
@@ -59,15 +57,7 @@ class Result:
 
 
 class Experiment:
-    """One scenario made ready to run: reference, plant and controller.
-
-    Attributes:
-        scenario: what to run.
-        nsim: simulations in the batch; they differ by their sensor noise only.
-        reference: the sampled reference that the run is judged by, or None.
-        plant: the plant, reset at every run.
-        sensor: made anew at every run; None before the first.
-    """
+    """One scenario made ready to run, once or several times side by side."""
 
     def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
         """Build it.
@@ -75,19 +65,34 @@ class Experiment:
         Args:
             scenario: what to run.
             folder: where a custom controller is looked for first.
-            nsim: simulations in the batch.
+            nsim: simulations in the batch; the first is as if alone, the others differ from it by
+                what is random.
 
         Raises:
             InputError: it cannot be built.
         """
         self.scenario = scenario
-        self.nsim = nsim
-        self.reference: ReferencePath | None = build.sample_reference(scenario)
-        self.plant: Plant = build.make_plant(scenario, nsim)
-        self.sensor: Sensor | None = None
-        self._folder = folder or Path()
-        self._told = build.believed_reference(scenario)
-        self._controller = build.make_controller(scenario, self._told, self._folder)
+        self._simulations = Simulations([scenario] * nsim, folder or Path(), draws=range(nsim))
+
+    @property
+    def nsim(self) -> int:
+        """Simulations in the batch."""
+        return self._simulations.nsim
+
+    @property
+    def reference(self) -> ReferencePath | None:
+        """The sampled reference that the run is judged by, or None."""
+        return self._simulations.references[0]
+
+    @property
+    def plant(self) -> Plant:
+        """The plant, reset at every run."""
+        return self._simulations.plant
+
+    @property
+    def sensor(self) -> Sensor | None:
+        """Made anew at every run; None before the first."""
+        return self._simulations.sensor
 
     def run(
         self,
@@ -98,59 +103,19 @@ class Experiment:
         """Run from the initial state to the end, or until it fails.
 
         Args:
-            initial: where every simulation starts; None: where the scenario says, all of them.
             report: called with the rows that are new, every now and then and at the end.
+            initial: where every simulation starts; None: where the scenario says, all of them.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
 
         Raises:
             InputError: the controller cannot start.
         """
-        scenario, plant = self.scenario, self.plant
-        rng = build.generators(scenario.seed, ("sensor", "controller", "commands"))
-        self.sensor = build.make_sensor(scenario, plant, rng["sensor"], self._folder)
-        if report:
-            self.sensor.keep_log()
-        plant.reset(initial or build.initial_state(scenario, self.reference, self.nsim))
-        loop = Loop(
-            scenario,
-            plant,
-            self.sensor,
-            self._controller,
-            self._blank_rows(),
-            report,
-            Actuation(
-                scenario.control, scenario.steps_per_period, rng["commands"].spawn(self.nsim)
-            ),
-            Push.of_scenario(scenario, self.nsim) if pushes is None else pushes,
-        )
-        task = Task(
-            scenario.believed_robot,
-            self._told,
-            scenario.control.sampling_time_s,
-            self.nsim,
-            rng["controller"],
-            scenario.believed_ground,
-            scenario.believed_command_latency_s,
-        )
-        loop.run(task)
+        loop = self._simulations.run(report, initial, pushes)
         return Result(
-            scenario=scenario,
+            scenario=self.scenario,
             trajectory=loop.rows.rows(0, loop.done),
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
-            demands=demands_of(scenario, self.reference),
+            demands=demands_of(self.scenario, self.reference),
         )
-
-    def _blank_rows(self) -> Trajectory:
-        """Rows for the whole run with times and reference filled in."""
-        count = self.scenario.periods + 1
-        time_s = self.scenario.control.sampling_time_s * np.arange(count, dtype=np.float64)
-        nq = self.plant.joint_positions().shape[-1]
-        ncontact = self.plant.contact_readings().shape[1]
-        trailers = len(self.scenario.robot.trailers)
-        rows = Trajectory.empty(time_s, self.nsim, nq, ncontact, trailers=trailers)
-        if self.reference is not None:
-            rows.ref_q[:] = self.reference.q[:count]
-            rows.ref_q_rate[:] = self.reference.q_rate[:count]
-        return rows

@@ -1,20 +1,17 @@
 """The sampled closed loop, while it runs: observe, command, record, advance."""
 
-import math
-import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
-from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.results.trajectory import Trajectory, column_names
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.actuation import Actuation
-from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.runs.laws import Broken, Laws
 from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
@@ -25,8 +22,6 @@ Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
-TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
-SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,18 +44,21 @@ class Outcome:
 
 @dataclass(slots=True)
 class Loop:
-    """One run under way.
+    """One run under way, of one simulation or many.
 
     Attributes:
-        scenario: what is run.
+        scenario: what is run, or those of all simulations (`config.stacked`).
         plant, sensor: ready at the first sample.
-        controller: not yet started.
-        rows: blank but for times and reference; filled in place.
+        laws: not yet started.
+        rows: blank but for times and reference; filled in place. Without room for joints and
+            contacts, these are not read.
         report: called with the rows that are new, at most every REPORT_EVERY_S of wall time, and
             once with the last ones.
         actuation: the commands' way to the plant.
         pushes: what disturbs it.
         ends: how simulations ended, as far as they have.
+        lengths: rows of simulations that ended early.
+        together: simulations that ended early because a law broke that drove several.
         done: rows filled so far.
         control_time_s: wall time of every command, the whole batch's.
         watch: wall time by part: "plant", "sensing", "controller", "loop", "report".
@@ -69,36 +67,36 @@ class Loop:
     scenario: Scenario
     plant: Plant
     sensor: Sensor
-    controller: Controller
+    laws: Laws
     rows: Trajectory
     report: Report | None
     actuation: Actuation
     pushes: tuple[Push, ...]
     ends: dict[int, Outcome] = field(default_factory=dict)
+    lengths: dict[int, int] = field(default_factory=dict)
+    together: set[int] = field(default_factory=set)
     done: int = 0
     control_time_s: list[float] = field(default_factory=list)
     watch: Stopwatch = field(default_factory=Stopwatch)
+    _first: RobotState | None = None
     _reported: int = 0
     _last_report_s: float = field(default_factory=perf_counter)
 
-    def run(self, task: Task) -> None:
+    def run(self) -> None:
         """From the first sample to the last, or to where everything has ended.
 
         Raises:
-            InputError: from the controller's start.
+            InputError: from a law's start.
         """
         period = self.scenario.control.sampling_time_s
-        # a batch asks for as many answers at once
-        limit_s = self.plant.nsim * self.scenario.control.controller_time_limit_s
-        deadline = Deadline(limit_s)
-        self._start(task)
-        deadline.arm()
+        self._break_off(self.laws.start(), 0.0)
+        self.laws.deadline.arm()
         try:
             for k in range(self.scenario.periods + 1):
                 truth = self._look(k)
                 if len(self.ends) == self.plant.nsim:
                     break
-                command = self._ask(k, truth, deadline)
+                command = self._ask(k, truth)
                 if command is None:
                     break
                 self._advance(k, command)
@@ -106,7 +104,7 @@ class Loop:
             time_s = max(self.done - 1, 0) * period
             self._end_all(Outcome("interrupted", "stopped by the user", time_s))
         finally:
-            deadline.disarm()
+            self.laws.deadline.disarm()
             self.sensor.close()
         self.watch.lap("loop")
         if self.report:
@@ -114,58 +112,64 @@ class Loop:
         self.watch.lap("report")
         self._end_all(Outcome("ok", "", self.scenario.periods * period))
 
-    def _start(self, task: Task) -> None:
-        """Start the controller; if that breaks, all simulations end before their first command."""
-        try:
-            self.controller.start(task)
-        except InputError:
-            raise
-        except (Exception, SystemExit) as error:  # a controller of the user's may raise anything
-            reason = f"controller.start() raised {type(error).__name__}: {error}"
-            self._end_all(Outcome("failed", reason, 0.0, error))
-
     def _look(self, k: int) -> RobotState:
-        """Record the truth at sample k, and who has ended."""
+        """Record the truth at sample k, and who has ended; returns what sensors may see of it."""
         rows, plant = self.rows, self.plant
         truth = plant.state()
         rows.q[k], rows.q_rate[k] = truth.q, truth.q_rate
         rows.wheel_speed_rad_s[k] = plant.wheel_speed_rad_s()
-        rows.joint_positions[k] = plant.joint_positions()
-        rows.contact_readings[k] = plant.contact_readings()
+        if rows.joint_positions.size:
+            rows.joint_positions[k] = plant.joint_positions()
+        if rows.contact_readings.size:
+            rows.contact_readings[k] = plant.contact_readings()
         self.done = k + 1
         failed = plant.failed()
         if failed.any() or not np.abs(truth.q).max() <= ESCAPE:
             self._end_some(truth, failed, k * self.scenario.control.sampling_time_s)
-        return truth
+        self._first = self._first or truth
+        return self._with_the_ended_at_rest(truth) if self.ends else truth
 
-    def _ask(self, k: int, truth: RobotState, deadline: Deadline) -> Command | None:
-        """The controller's command at sample k, recorded; None where it broke."""
+    def _with_the_ended_at_rest(self, truth: RobotState) -> RobotState:
+        """The state with ended simulations where they started: nothing they do harms the others."""
+        assert self._first is not None, "nothing ends before the first look"
+        ended, q, q_rate = list(self.ends), truth.q.copy(), truth.q_rate.copy()
+        q[ended], q_rate[ended] = self._first.q[ended], self._first.q_rate[ended]
+        return RobotState(q, q_rate)
+
+    def _ask(self, k: int, truth: RobotState) -> Command | None:
+        """The command at sample k, recorded; None where nobody is left to get one."""
         watch, rows = self.watch, self.rows
         watch.lap("loop")
         estimate = self.sensor.observe(truth)
         if self.scenario.control.torque_input:
             estimate = replace(estimate, wheel_angle_rad=self.plant.encoder_angle_rad())
         asked = watch.lap("sensing")
-        try:
-            with deadline:
-                command = self.controller.command(k, estimate)
-            if self.scenario.control.torque_input:
-                command = _with_torques_logged(command, self.plant.nsim)
-            self._check(command)
-            self.sensor.commanded(command.wheel_speed_rad_s)
-        except (Exception, SystemExit, Overrun) as error:
-            time_s = k * self.scenario.control.sampling_time_s
-            reason = _broken(error, time_s, deadline.limit_s)
-            self._end_all(Outcome("failed", reason, time_s, error))
+        command, broken = self.laws.command(k, estimate, self.ends)
+        if broken:
+            self._break_off(broken, k * self.scenario.control.sampling_time_s)
+        if command is None or len(self.ends) == self.plant.nsim:
             return None
+        if self.ends:
+            command = _without(command, list(self.ends))
+        self.sensor.commanded(command.wheel_speed_rad_s)
+        if not self.control_time_s:
+            rows.add_signals(command.signals)
         self.control_time_s.append(watch.lap("controller") - asked)
-        _record_estimate(rows, k, estimate)
-        rows.wheel_command_rad_s[k] = command.wheel_speed_rad_s
-        rows.saturated[k], rows.near_singular[k] = command.saturated, command.near_singular
+        who = self._who_is_left()
+        _record_estimate(rows, k, estimate, who)
+        rows.wheel_command_rad_s[k, who] = command.wheel_speed_rad_s[who]
+        rows.saturated[k, who] = command.saturated[who]
+        rows.near_singular[k, who] = command.near_singular[who]
         for name, values in command.signals.items():
-            rows.signals[name][k] = values
+            rows.signals[name][k, who] = values[who]
         watch.lap("loop")
         return command
+
+    def _who_is_left(self) -> Any:
+        """An index of the simulations that have not ended."""
+        if not self.ends:
+            return slice(None)
+        return [i for i in range(self.plant.nsim) if i not in self.ends]
 
     def _advance(self, k: int, command: Command) -> None:
         """Hold the command until the next sample, if there is one; and report now and then."""
@@ -180,36 +184,6 @@ class Loop:
             self.report(self.rows.rows(self._reported, self.done))
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 
-    def _check(self, command: Command) -> None:
-        """A controller's answer must be finite wheel speeds of the right shape, and its signals."""
-        wheels, nsim = command.wheel_speed_rad_s, self.plant.nsim
-        if np.shape(wheels) != (nsim, 2):
-            raise ValueError(f"wheel speeds have shape {np.shape(wheels)}, allowed: ({nsim}, 2)")
-        if not math.isfinite(wheels.sum()):  # one number shows a NaN or infinity in any
-            raise ValueError(f"wheel speeds are not finite: {wheels.tolist()}")
-        signals = self.rows.signals
-        if not self.control_time_s:  # the first command says which signals there are
-            self._make_room(command.signals)
-        if command.signals.keys() != signals.keys():
-            raise ValueError(
-                f"the signals are {sorted(command.signals)}; at the first sample they were "
-                f"{sorted(signals)}, and they must stay the same"
-            )
-        for name, values in command.signals.items():
-            if np.shape(values) != (nsim,):
-                raise ValueError(f"signal {name} has shape {np.shape(values)}, allowed: ({nsim},)")
-
-    def _make_room(self, names: Iterable[str]) -> None:
-        """Blank rows for signals of these names."""
-        taken = column_names(self.rows.q.shape[-1])
-        for name in names:
-            if not SIGNAL_NAME.fullmatch(name) or name in taken:
-                raise ValueError(
-                    f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
-                    "with the unit at the end, and no name of another column"
-                )
-            self.rows.signals[name] = np.full((len(self.rows), self.plant.nsim), np.nan)
-
     def _end_some(self, truth: RobotState, failed: BoolArray, time_s: float) -> None:
         """Note how simulations ended whose physics failed or whose state left all bounds."""
         escaped = np.abs(truth.q).max(axis=1) > ESCAPE
@@ -219,40 +193,40 @@ class Loop:
             else:
                 reason = f"the state diverged beyond {ESCAPE:g} m or {ESCAPE:g} rad"
                 end = Outcome("diverged", reason, time_s)
-            self.ends.setdefault(i, end)
+            self._end(i, end)
+
+    def _break_off(self, broken: list[Broken], time_s: float) -> None:
+        """Note how simulations ended whose law broke."""
+        for who, reason, cause in broken:
+            for i in who:
+                self._end(i, Outcome("failed", reason, time_s, cause))
+            if len(who) > 1:
+                self.together.update(who)
 
     def _end_all(self, outcome: Outcome) -> None:
         """The same end for every simulation that has none yet."""
         for i in range(self.plant.nsim):
-            self.ends.setdefault(i, outcome)
+            self._end(i, outcome)
+
+    def _end(self, simulation: int, outcome: Outcome) -> None:
+        """One end for a simulation, unless it has one."""
+        self.ends.setdefault(simulation, outcome)
+        self.lengths.setdefault(simulation, max(self.done, 1))  # the start is always a row
 
 
-def _with_torques_logged(command: Command, nsim: int) -> Command:
-    """The command of a controller that must give wheel torques, these among its signals."""
-    torque = command.wheel_torque_n_m
-    if torque is None:
-        raise ValueError("there are no wheel torques, which control.inner_loop = 'torque' needs")
-    if np.shape(torque) != (nsim, 2):
-        raise ValueError(f"wheel torques have shape {np.shape(torque)}, allowed: ({nsim}, 2)")
-    if not math.isfinite(torque.sum()):
-        raise ValueError(f"wheel torques are not finite: {torque.tolist()}")
-    columns = dict(zip(TORQUE_SIGNALS, torque.T, strict=True))
-    return replace(command, signals={**command.signals, **columns})
+def _without(command: Command, ended: list[int]) -> Command:
+    """The command with nothing for those who have ended, whatever they got."""
+    wheels, torque = command.wheel_speed_rad_s.copy(), command.wheel_torque_n_m
+    wheels[ended] = 0.0
+    if torque is not None:
+        torque = torque.copy()
+        torque[ended] = 0.0
+    return replace(command, wheel_speed_rad_s=wheels, wheel_torque_n_m=torque)
 
 
-def _record_estimate(rows: Trajectory, k: int, estimate: Estimate) -> None:
-    rows.est_q[k], rows.est_q_rate[k] = estimate.state.q, estimate.state.q_rate
-    rows.est_valid[k] = estimate.valid
+def _record_estimate(rows: Trajectory, k: int, estimate: Estimate, who: Any) -> None:
+    rows.est_q[k, who], rows.est_q_rate[k, who] = estimate.state.q[who], estimate.state.q_rate[who]
+    rows.est_valid[k, who] = estimate.valid[who]
     age = estimate.measurement_age_s
-    rows.measurement_age_s[k] = estimate.age_s if age is None else age
-    rows.labels_found[k] = estimate.labels_found
-
-
-def _broken(error: BaseException, time_s: float, limit_s: float) -> str:
-    """Why a controller gave no command, in words."""
-    if not isinstance(error, Overrun):
-        return f"controller.command() raised {type(error).__name__}: {error}"
-    return (
-        f"the controller timed out after {limit_s:g} s at its sample at t = {time_s:.3f} s "
-        "(limit: control.controller_time_limit_s)"
-    )
+    rows.measurement_age_s[k, who] = (estimate.age_s if age is None else age)[who]
+    rows.labels_found[k, who] = estimate.labels_found[who]

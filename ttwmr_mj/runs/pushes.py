@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,7 +17,7 @@ class Push(NamedTuple):
 
     on: str  # "tractor" or "trailer"
     start_s: FloatArray  # (nsim,)
-    duration_s: float
+    duration_s: FloatArray  # (nsim,)
     force_n: FloatArray  # (nsim, 2) x, y in the world
 
     @classmethod
@@ -24,6 +25,14 @@ class Push(NamedTuple):
         """A scenario's pushes as its seed draws them, whatever the batch."""
         rng = generators(scenario.seed, ("pushes",))["pushes"]
         return cls.drawn(scenario.plant.pushes, rng.spawn(nsim))
+
+    @classmethod
+    def beside(cls, drawn: Sequence[tuple[Push, ...]]) -> tuple[Push, ...]:
+        """Pushes of several batches as those of one; as many, on the same halves."""
+        return tuple(
+            cls(same[0].on, *map(np.concatenate, zip(*(push[1:] for push in same), strict=True)))
+            for same in zip(*drawn, strict=True)
+        )
 
     @classmethod
     def drawn(
@@ -40,7 +49,7 @@ class Push(NamedTuple):
         angle = 2.0 * np.pi * turn * push.random_direction
         (x, y), cos, sin = push.force_n, np.cos(angle), np.sin(angle)
         force = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        return cls(push.on, start_s, push.duration_s, force)
+        return cls(push.on, start_s, np.full(start_s.shape, push.duration_s), force)
 
     def at(self, time_s: float) -> FloatArray:
         """(nsim, 2) force in the control period that starts now; zero where it does not act."""
@@ -52,7 +61,7 @@ class Push(NamedTuple):
     def told(self) -> dict[str, Any]:
         """For the manifest: the first simulation's values, as keys of a scenario."""
         start_s, force_n = float(self.start_s[0]), self.force_n[0].tolist()
-        start = {"on": self.on, "start_s": start_s, "duration_s": self.duration_s}
+        start = {"on": self.on, "start_s": start_s, "duration_s": float(self.duration_s[0])}
         return {**start, "force_n": force_n}
 
 

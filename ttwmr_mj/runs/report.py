@@ -6,7 +6,10 @@ from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.scenario.schema import Scenario
 
 # what a run is measured by: where the trailer goes if the reference says where, else where P goes
-HEADLINES = ("steady_centre_of_oscillation_rmse_m", "steady_tractor_rmse_m")
+HEADLINES = {
+    "steady_centre_of_oscillation_rmse_m": "trailer, rms error, 2nd half",
+    "steady_tractor_rmse_m": "tractor, rms error, 2nd half",
+}
 RESULT_ROWS = (
     ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
     ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
@@ -17,7 +20,7 @@ RESULT_ROWS = (
     ("settling_time_s", "settled (1 cm) after", 1.0, "s"),
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
-    ("near_singular_share", "near-singular samples", 100.0, "%"),
+    ("near_singular_share", "samples near standstill", 100.0, "%"),
     ("control_overruns", "deadline misses", 1.0, ""),
     ("control_slowest_s", "slowest command", 1e3, "ms"),
 )
@@ -55,15 +58,43 @@ def verdict_line(metrics: dict[str, Any]) -> str:
 
 def headline(metrics: dict[str, Any]) -> str:
     """The metric of the task, under its name in metrics.json; empty where there is none."""
-    defined = (name for name in HEADLINES if metrics[name] is not None)
-    return next((f"{name} = {metrics[name]:.3g}" for name in defined), "")
+    name = _headline_name(metrics)
+    return "" if name is None else f"{name} = {metrics[name]:.3g}"
+
+
+def headline_words(metrics: dict[str, Any]) -> str:
+    """The metric of the task for a person, such as "27 mm trailer, rms error"; empty as above."""
+    name = _headline_name(metrics)
+    return "" if name is None else f"{1e3 * metrics[name]:.3g} mm: {HEADLINES[name]}"
+
+
+def _headline_name(metrics: dict[str, Any]) -> str | None:
+    return next((name for name in HEADLINES if metrics[name] is not None), None)
+
+
+def what_ran(scenario: Scenario) -> str:
+    """Plant, law, sensing and seed in a line."""
+    seen = {"truth": "sees the truth", "camera": "sees by camera"}[scenario.sensing.kind]
+    return f"{scenario.plant.kind} · {scenario.controller.kind} · {seen} · seed {scenario.seed}"
 
 
 def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
-    """What it was and how it ended, for the recording's text panel."""
-    what = f"{scenario.plant.kind} · {scenario.controller.kind} · seed {scenario.seed}"
-    lines = "\n\n".join(filter(None, [f"**{verdict_line(metrics)}**", headline(metrics), what]))
-    return f"{lines}\n\n{_table('result', results(metrics))}"
+    """How it ended and what it was, for the recording's text panel."""
+    verdict, number = VERDICTS[metrics["verdict"]][0], headline_words(metrics)
+    lines = [
+        f"# {verdict[0].upper()}{verdict[1:]}",
+        f"## {number}" if number else "",
+        metrics["verdict_reason"],
+        scenario.description,
+        what_ran(scenario),
+    ]
+    return "\n\n".join(filter(None, lines))
+
+
+def details_text(metrics: dict[str, Any]) -> str:
+    """The numbers of a run, for the recording."""
+    lines = (f"**{verdict_line(metrics)}**", headline(metrics), _table("result", results(metrics)))
+    return "\n\n".join(filter(None, lines))
 
 
 def _table(title: str, rows: dict[str, str]) -> str:

@@ -57,9 +57,9 @@ def load_scenario(
         InputError: with every fault of the file in one message.
     """
     path = find_scenario(name_or_path)
-    data = _read(path)
+    data = read_scenario(path)
     if fragment is not None:
-        data = merged(data, _read(fragment))
+        data = merged(data, read_scenario(fragment))
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
@@ -67,7 +67,12 @@ def load_scenario(
     return check_scenario(data, str(path), path.parent)
 
 
-def _read(path: Path) -> dict[str, Any]:
+def read_scenario(path: Path) -> dict[str, Any]:
+    """What a scenario file holds, not checked.
+
+    Raises:
+        InputError: it cannot be read as TOML.
+    """
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
@@ -145,19 +150,35 @@ def set_value(data: dict[str, Any], override: str) -> None:
     path, equals, text = override.partition("=")
     keys = [key.strip() for key in path.split(".")]
     if not equals or not all(keys):
-        raise _unset(override, allowed="key.path=value, as in plant.kind=analytic")
+        allowed = "key.path=value, as in plant.kind=analytic"
+        raise _unset(f"--set {override}", allowed=allowed)
     try:
         value = tomllib.loads(f"value = {text}")["value"]
     except tomllib.TOMLDecodeError:
         value = text.strip()  # plain words need no quotes
+    put_value(data, keys, value, f"--set {override}")
+
+
+def put_value(data: dict[str, Any], keys: list[str], value: Any, where: str) -> None:
+    """Set the value at a path of keys in plain data, in place.
+
+    Args:
+        data: nested tables; those that are missing on the way are made.
+        keys: from the outermost table inwards; in a list, the number of an entry.
+        value: what to put there.
+        where: how to name the request in messages.
+
+    Raises:
+        InputError: the path runs through something that is no table.
+    """
     place: Any = data
     for key in keys[:-1]:
-        at = _place(place, key, override)
+        at = _place(place, key, where)
         place = place.setdefault(at, {}) if isinstance(place, dict) else place[at]
-    place[_place(place, keys[-1], override)] = value
+    place[_place(place, keys[-1], where)] = value
 
 
-def _place(container: Any, key: str, override: str) -> Any:
+def _place(container: Any, key: str, where: str) -> Any:
     """The key in a table, or the index in a list."""
     if isinstance(container, dict):
         return key
@@ -165,12 +186,12 @@ def _place(container: Any, key: str, override: str) -> Any:
         if key.isdigit() and int(key) < len(container):
             return int(key)
         allowed = f"0 to {len(container) - 1}, as the list has {len(container)} entries"
-        raise _unset(override, got=f"index {key!r}", allowed=allowed)
-    raise _unset(override, problem=f"{key!r} can only be set in a table, and this is a value")
+        raise _unset(where, got=f"index {key!r}", allowed=allowed)
+    raise _unset(where, problem=f"{key!r} can only be set in a table, and this is a value")
 
 
-def _unset(override: str, **words: str) -> InputError:
-    return InputError(Fault(key=(f"--set {override}",), **words))
+def _unset(where: str, **words: str) -> InputError:
+    return InputError(Fault(key=(where,), **words))
 
 
 def dump_scenario(scenario: Scenario) -> str:

@@ -5,7 +5,7 @@ out has a documented default. `ttwmr export-schema` prints the same as JSON Sche
 """
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from pydantic import (
     Field,
@@ -84,6 +84,8 @@ Initial = Annotated[AtRest | OnReference, Field(discriminator="kind")]
 class AnalyticOptions(Config):
     """Settings of the analytic plant."""
 
+    same_in_batch: ClassVar[frozenset[str]] = frozenset({"max_step_s"})
+
     max_step_s: float = Field(
         default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
     )
@@ -156,11 +158,11 @@ class ControlOptions(Config):
         description="control period, the time between commands; Section 4: 0.033",
     )
     controller_time_limit_s: float = Field(
-        default=2.0,
+        default=10.0,
         gt=0,
         le=3600,
         description="CPU time after which a command times out and the run ends as failed; "
-        "typically 2. The limit in wall time is 15 times as long, for a "
+        "a law that plans may take a second, several on a busy machine. The limit in wall time is 15 times as long, for a "
         "controller that waits",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(

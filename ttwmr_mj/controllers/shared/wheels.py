@@ -10,6 +10,7 @@ robot never reverses: where w points backward it stops and turns.
 
 import numpy as np
 
+from ttwmr_mj.config import column, each
 from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.robot import RobotParameters
@@ -29,6 +30,7 @@ class AccelerationToWheels:
     """
 
     def __init__(self, robot: RobotParameters, sampling_time_s: float, nsim: int) -> None:
+        """Take a robot, or those of every simulation (`config.stacked`)."""
         self._radius = robot.tractor.wheel_radius_m
         self._half_track = robot.half_track_m
         self._limit = robot.servo.speed_limit_rad_s
@@ -40,7 +42,7 @@ class AccelerationToWheels:
         self._speed: FloatArray = np.zeros(nsim)
         self._robot = robot
         # inside, wheels turn as if they were equal
-        self._equal = self._radius / np.array(robot.tractor.wheel_radii_m)
+        self._equal = each(_equalising, robot)
         self._first = True
 
     def command(self, acceleration_m_s2: FloatArray, estimate: RobotState) -> Command:
@@ -84,5 +86,11 @@ class AccelerationToWheels:
         allowed = np.empty_like(wish)
         allowed[:, 1] = np.minimum(np.maximum(wish[:, 1], -self._limit), self._limit)
         allowed[:, 0] = np.minimum(wish[:, 0], self._limit - np.abs(allowed[:, 1]))
-        low, high = self._wheels - self._reach, self._wheels + self._reach
+        reach = column(self._reach)
+        low, high = self._wheels - reach, self._wheels + reach
         return np.asarray(np.minimum(np.maximum(allowed @ MIX, low), high))
+
+
+def _equalising(robot: RobotParameters) -> FloatArray:
+    """(2,) what wheels (right, left) turn for each turn of a wheel of mean radius."""
+    return robot.tractor.wheel_radius_m / np.array(robot.tractor.wheel_radii_m)

@@ -1,6 +1,8 @@
 """A reference as the controllers see it: sampled once for the whole run."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 
@@ -43,6 +45,23 @@ class ReferencePath:
             theta_acceleration=self.theta_acceleration[:count],
             flat_derivatives=None if flat is None else flat[:count],
         )
+
+    @staticmethod
+    def beside(paths: "Sequence[ReferencePath]") -> "ReferencePath":
+        """The paths of as many simulations as one; of batch 1 where all are equal.
+
+        Args:
+            paths: of batch 1, at the same times; all have flat derivatives, or none has.
+        """
+        first, names = paths[0], [field.name for field in fields(ReferencePath)][1:]
+        distinct = {id(path): path for path in paths}
+        if all(_equal(first, path) for path in distinct.values()):
+            return first
+        rows: dict[str, Any] = {}
+        for name in names:
+            parts = [getattr(path, name) for path in paths]
+            rows[name] = None if parts[0] is None else np.concatenate(parts, axis=1)
+        return ReferencePath(first.time_s, **rows)
 
     @property
     def position_m(self) -> FloatArray:
@@ -90,3 +109,11 @@ class ReferencePath:
             self.theta_acceleration[k:],
             None if flat is None else flat[k:],
         )
+
+
+def _equal(a: ReferencePath, b: ReferencePath) -> bool:
+    """Whether two paths are the same, undefined values included."""
+    pairs = ((getattr(a, field.name), getattr(b, field.name)) for field in fields(ReferencePath))
+    return a is b or all(
+        x is y or (x is not None and np.array_equal(x, y, equal_nan=True)) for x, y in pairs
+    )

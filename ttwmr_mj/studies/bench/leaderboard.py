@@ -1,29 +1,44 @@
 """The leaderboard's files: Markdown, one page of HTML, Parquet."""
 
-from collections import defaultdict
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_parquet, write_text
-from ttwmr_mj.studies.bench.scoring import COLUMNS, RANKED_BY, Board, Line
+from ttwmr_mj.studies.bench.evidence import CONFIDENCE, SIGNIFICANCE, share_interval
+from ttwmr_mj.studies.bench.lines import COLUMNS, RANKED_BY, Line
+from ttwmr_mj.studies.bench.overview import (
+    CAPTION,
+    NOT_MEANT,
+    amount,
+    failures,
+    number,
+    overview,
+    sections,
+)
+from ttwmr_mj.studies.bench.scoring import Board
 from ttwmr_mj.studies.bench.suite import AXES
 
-HEAD = ["controller", *COLUMNS, "failures", "verdict"]
+WORST = "worst error, mm"
+HEAD = ["controller", RANKED_BY, WORST, *list(COLUMNS)[1:], "followed", "verdict"]
 RULES = (
-    "Errors are rms over the second half of a run; the median over seeds, or the largest in "
-    "columns named “worst”.",
-    "“trailer” is the trailer's centre of mass; “settled” is the time after which P stays within "
-    "10 mm, “–” if it never does; “effort” is ∫(ω_r² + ω_l²)dt.",
-    "A run has failed if its verdict (docs/verdict.md) is not “followed”: it ended early, or it "
-    "finished and was lost. Failures count both.",
-    "Errors cover all runs that finished, lost ones included.",
-    "Ranked by failures, then by the trailer's error.",
-    "Control time is wall time per sample, measured with several runs at once.",
-)
-OVERVIEW = (
-    "Trailer rms, mm, median over seeds: the best of each row in bold, the verdict where all runs "
-    "failed, empty what is not in the suite. Controllers with fewer failures first."
+    "“Error” is the rms distance of the trailer's centre of oscillation from its reference, or of "
+    "P where the reference says nothing of the trailer; “trailer” is the trailer's centre of mass. "
+    "They cover the second half of a run; where the condition says “whole run”, all of it.",
+    "A run has failed if its verdict (docs/verdict.md) is not “followed”. A run that broke off has "
+    "no error and counts as worse than any; one that came to its end counts with the error it had.",
+    f"Of several seeds: the median with its {CONFIDENCE:.0%} interval between two order statistics "
+    "(of ten runs the second and the ninth), and the share that followed with its exact binomial "
+    "interval. A single run has neither.",
+    "Best is only what is significantly better than every other law of the row, by an exact "
+    f"two-sided sign test, p ≤ {SIGNIFICANCE:g}, on pairs of runs with the same seed, so with the "
+    "same world, push and noise. A run that followed beats one that did not; of two that followed "
+    "the smaller error wins; two that did not are a tie and do not count. Of ten pairs that takes "
+    "nine. Single runs show no difference. The test is made row by row: of many rows one may name "
+    "its best by chance.",
+    "“settled” is the time after which P stays within 10 mm, “–” if it never does; “effort” is "
+    "∫(ω_r² + ω_l²)dt.",
+    "Ranked by failures, then by the median error. Control time is wall time per sample, measured "
+    "with several runs at once.",
 )
 
 
@@ -31,15 +46,44 @@ def write_leaderboard(board: Board, folder: Path, title: str) -> None:
     """leaderboard.md, .html and .parquet, and summary.md, its head alone."""
     import pyarrow as pa
 
-    lines = board.lines
     write_text(folder / "leaderboard.md", to_markdown(board, title))
     write_text(folder / "summary.md", to_summary(board, title))
     write_text(folder / "leaderboard.html", to_html(board, title))
-    columns: dict[str, list[Any]] = {axis: [line.names[axis] for line in lines] for axis in AXES}
-    columns |= {name: [line.values[name] for line in lines] for name in COLUMNS}
-    for name in ("runs", "failures", "lost", "verdict", "reason", "command", "manifest"):
-        columns[name] = [getattr(line, name) for line in lines]
+    rows = [_row(line) for line in board.lines]
+    columns = {name: [row[name] for row in rows] for name in rows[0]}
     write_parquet(pa.table(columns), folder / "leaderboard.parquet")
+
+
+def _row(line: Line) -> dict[str, Any]:
+    """A line of the Parquet file; null where undefined or infinite."""
+    row: dict[str, Any] = {axis: line.names[axis] for axis in AXES}
+    for column in COLUMNS:
+        found = line.statistic(column)
+        for suffix in ("median", "low", "high", "worst"):
+            value = None if found is None else getattr(found, suffix)
+            name = column if suffix == "median" else f"{column} {suffix}"
+            row[name] = None if value == float("inf") else value
+    low, high = share_interval(line.followed, len(line.runs))
+    return row | {
+        "scored": line.scored,
+        "meant": line.meant,
+        "best": line.best,
+        "runs": len(line.runs),
+        "failures": len(line.failed),
+        "lost": line.lost,
+        "followed": line.followed / len(line.runs),
+        "followed low": low,
+        "followed high": high,
+        "verdict": line.verdict,
+        "reason": "; ".join(sentences(line)),
+        "command": line.command,
+        "manifest": line.manifest,
+    }
+
+
+def sentences(line: Line) -> list[str]:
+    """Of every run that failed, which and why."""
+    return [f"seed {run.seed}: {run.sentence}" for run in line.failed]
 
 
 def status(board: Board) -> str:
@@ -48,71 +92,26 @@ def status(board: Board) -> str:
     return f"{board.made_by.total()} of {board.rows} rows run: {made}."
 
 
-def _condition(line: Line) -> str:
-    plant, sensing, disturbance = (line.names[axis] for axis in AXES[2:])
-    return " · ".join([plant, sensing, *([disturbance] if disturbance != "none" else [])])
-
-
-def _sections(lines: list[Line]) -> dict[tuple[str, str], list[Line]]:
-    """(task, condition) → its lines."""
-    sections: dict[tuple[str, str], list[Line]] = defaultdict(list)
-    for line in lines:
-        sections[line.names["task"], _condition(line)].append(line)
-    return dict(sections)
-
-
 def _cells(line: Line) -> list[str]:
-    numbers = map(_number, line.values.values())
-    return [line.names["controller"], *numbers, f"{line.failures}/{line.runs}", line.verdict]
+    """A line of the detailed table, as HEAD has it."""
+    found = {column: line.statistic(column) for column in COLUMNS}
+    error = found.pop(RANKED_BY)
+    worst = number(error.worst) if error and error.worst is not None else ""
+    name = line.names["controller"] + ("" if line.meant else f" {NOT_MEANT}")
+    first = f"**{amount(error)}**" if line.best else amount(error)
+    return [name, first, worst, *map(amount, found.values()), _share(line), line.verdict]
 
 
-def _number(value: float | None) -> str:
-    if value is None:
-        return "–"
-    return "<0.001" if 0.0 < value < 1e-3 else f"{value:.3g}"
+def _share(line: Line) -> str:
+    """How many followed; the interval only where a run more might say something else."""
+    runs = len(line.runs)
+    if runs == 1:
+        return f"{line.followed}/1"
+    low, high = (100.0 * end for end in share_interval(line.followed, runs))
+    return f"{line.followed}/{runs} ({low:.0f} to {high:.0f} %)"
 
 
-def overview(lines: list[Line]) -> dict[str, list[list[str]]]:
-    """Task → table of conditions by controllers, its head first."""
-    sections = _sections(lines)
-    controllers = _by_standing(sections.values())
-    tables: dict[str, list[list[str]]] = {}
-    for (task, condition), members in sections.items():
-        by_name = {line.names["controller"]: line for line in members}
-        cells = [_summary(by_name.get(name), members) for name in controllers]
-        tables.setdefault(task, [["condition", *controllers]]).append([condition, *cells])
-    return tables
-
-
-def _by_standing(sections: Iterable[list[Line]]) -> list[str]:
-    """Controllers by the share of their runs that failed, then by their mean place in sections."""
-    places: dict[str, list[tuple[int, Line]]] = defaultdict(list)
-    for members in sections:
-        for place, line in enumerate(members):
-            places[line.names["controller"]].append((place, line))
-
-    def standing(controller: str) -> tuple[float, float]:
-        found = places[controller]
-        failed = sum(line.failures for _, line in found) / sum(line.runs for _, line in found)
-        return failed, sum(place for place, _ in found) / len(found)
-
-    return sorted(places, key=standing)
-
-
-def _summary(line: Line | None, members: list[Line]) -> str:
-    """A controller on a task in a word."""
-    if line is None:
-        return ""
-    value = line.values[RANKED_BY]
-    if line.failures == line.runs or value is None:
-        return line.verdict
-    number = _number(value)
-    if line.failures:
-        return f"{number} ({line.failures} of {line.runs} failed)"
-    return f"**{number}**" if line is members[0] else number
-
-
-def _table(rows: list[list[str]]) -> str:
+def table(rows: list[list[str]]) -> str:
     """A Markdown table, the head first."""
     head, *body = (f"| {' | '.join(row)} |" for row in rows)
     return "\n".join([head, f"|{'---|' * len(rows[0])}", *body])
@@ -121,11 +120,10 @@ def _table(rows: list[list[str]]) -> str:
 def to_markdown(board: Board, title: str) -> str:
     """Rules and overview, then each task with its numbers and the commands that repeat them."""
     parts = [to_summary(board, title)]
-    for (task, condition), members in _sections(board.lines).items():
-        parts.append(f"## {task} · {condition}\n\n{_table([HEAD, *map(_cells, members)])}\n")
-        parts += [
-            f"- {line.names['controller']}: {line.reason}\n" for line in members if line.reason
-        ]
+    for (task, condition), members in sections(board.lines).items():
+        parts.append(f"## {task} · {condition}\n\n{table([HEAD, *map(_cells, members)])}\n")
+        told = [f"- {x.names['controller']}, {text}" for x in members for text in sentences(x)]
+        parts += ["\n".join(told) + "\n"] if told else []
         commands = "\n".join(
             f"{line.command}   # {line.manifest or ''}".rstrip() for line in members
         )
@@ -136,8 +134,13 @@ def to_markdown(board: Board, title: str) -> str:
 def to_summary(board: Board, title: str) -> str:
     """Rules and overview alone."""
     rules = "\n".join(f"- {rule}" for rule in RULES)
-    parts = [f"# {title}\n", f"{status(board)}\n", f"{rules}\n", f"{OVERVIEW}\n"]
-    parts += [f"**{task}**\n\n{_table(rows)}\n" for task, rows in overview(board.lines).items()]
+    parts = [f"# {title}\n", f"{status(board)}\n", f"{rules}\n", f"{CAPTION}\n"]
+    told = failures(board.lines)
+    for task, rows in overview(board.lines).items():
+        parts.append(f"**{task}**\n\n{table(rows)}\n")
+        if task in told:
+            listed = "\n".join(f"- {text}" for text in told[task])
+            parts.append(f"Not followed, by laws made for it, each with its first:\n\n{listed}\n")
     return "\n".join(parts)
 
 
@@ -153,11 +156,12 @@ def to_html(board: Board, title: str) -> str:
         title=title,
         status=status(board),
         rules=RULES,
-        caption=OVERVIEW,
+        caption=CAPTION,
         overview=overview(board.lines),
+        failures=failures(board.lines),
         head=HEAD,
         sections={
-            " · ".join(head): [(_cells(line), line) for line in members]
-            for head, members in _sections(board.lines).items()
+            " · ".join(head): [(_cells(line), line, sentences(line)) for line in members]
+            for head, members in sections(board.lines).items()
         },
     )

@@ -6,6 +6,13 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
     [controller.mine]                 # task, plant, sensing and disturbance likewise
     overrides = ['controller={kind="custom", target="mine:Mine"}']
 
+    when.camera = ["sensing.tracker.learn_latency=true"]    # in addition, where combined with it
+    not_meant_for = ["inverted_trailer"]                    # run, and marked
+
+    [disturbance.start]
+    overrides = ["initial.x_offset_m=0.05"]
+    scored = "whole"                  # errors of the whole run, not of its second half
+
     [[block]]                         # an axis left out takes all of its choices
     sensing = ["camera"]
     seeds = [0, 1]
@@ -17,7 +24,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import Field, ValidationError
 
@@ -34,6 +41,7 @@ LEAN: Overrides = ("output.recording=false", "output.figures=false")
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
 Seeds = Annotated[list[Annotated[int, Field(ge=0, lt=2**32)]], Field(min_length=1)]
+Scored = Literal["steady", "whole"]
 Picked = Annotated[list[str], Field(min_length=1)]
 
 
@@ -46,8 +54,21 @@ class Choice(Config):
         "to the suite",
     )
     overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
+    when: dict[str, list[str]] = Field(
+        default={}, description="name on another axis → overrides in addition, with that choice"
+    )
     skip: list[str] = Field(
         default=[], description="names on other axes that this choice is not combined with"
+    )
+    not_meant_for: list[str] = Field(
+        default=[],
+        description="names on other axes that this choice is combined with, though not made for "
+        "them; the leaderboard marks these lines",
+    )
+    scored: Scored = Field(
+        default="steady",
+        description="what errors cover; steady: the second half of a run; whole: all of it, for "
+        "disturbances that are over",
     )
 
 
@@ -94,6 +115,8 @@ class SuiteRow:
     seed: int  # of the run
     scenario: str  # shipped name or path
     overrides: Overrides  # everything that is set
+    scored: Scored = "steady"  # what its errors cover
+    meant: bool = True  # no choice says that it is not made for another
 
     @property
     def key(self) -> str:
@@ -168,7 +191,8 @@ def _faults(suite: Suite) -> list[Fault]:
     every = [name for axis in AXES for name in names[axis]]
     for axis in AXES:
         for name, choice in getattr(suite, axis).items():
-            faults += _unknown((axis, name, "skip"), choice.skip, every)
+            for key in ("when", "skip", "not_meant_for"):
+                faults += _unknown((axis, name, key), getattr(choice, key), every)
         for i, block in enumerate(suite.block):
             faults += _unknown(("block", i, axis), getattr(block, axis) or (), names[axis])
     return faults
@@ -197,9 +221,20 @@ def _rows_of_block(suite: Suite, block: Block) -> Iterator[SuiteRow]:
         if any(name in choice.skip for choice in choices for name in names):
             continue
         scenario = choices[AXES.index("task")].scenario or ""
-        overrides = tuple(item for choice in choices for item in choice.overrides)
+        overrides = tuple(item for choice in choices for item in _overrides(choice, names))
+        scored: Scored = "whole" if any(c.scored == "whole" for c in choices) else "steady"
+        meant = not any(name in choice.not_meant_for for choice in choices for name in names)
         for seed in block.seeds or suite.seeds:
-            yield SuiteRow(dict(zip(AXES, names, strict=True)), seed, scenario, overrides)
+            named = dict(zip(AXES, names, strict=True))
+            yield SuiteRow(named, seed, scenario, overrides, scored, meant)
+
+
+def _overrides(choice: Choice, names: Collection[str]) -> Iterator[str]:
+    """A choice's own, then those that it has together with the other choices of its row."""
+    yield from choice.overrides
+    for name, overrides in choice.when.items():
+        if name in names:
+            yield from overrides
 
 
 def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:

@@ -15,7 +15,8 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.build import initial_state, make_plant, sample_reference
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.loop import TORQUE_SIGNALS, Outcome
+from ttwmr_mj.runs.laws import TORQUE_SIGNALS
+from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate

@@ -11,8 +11,9 @@ from rerun.blueprint import Corner2D
 
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import layout, style
+from ttwmr_mj.recording.floor import floor_corners
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import Scene, driven_paths, floor_corners
+from ttwmr_mj.recording.scene import Scene, driven_paths
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.runs.build import sample_reference

@@ -37,7 +37,7 @@ def made_of_run(scenario: Scenario, folder: Path | None = None) -> Ingredients:
     """
     return {
         "scenario": scenario.model_dump(mode="json"),
-        "data": {_shown(path): _digest(path) for path in sorted(set(data_files(scenario)))},
+        "data": {shown_path(path): _digest(path) for path in sorted(set(data_files(scenario)))},
         "code": _code_of_run(scenario, folder or Path()),
         "libraries": _libraries(LIBRARIES),
     }
@@ -68,7 +68,7 @@ def _digest(path: Path) -> str | None:
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else None
 
 
-def _shown(path: Path) -> str:
+def shown_path(path: Path) -> str:
     """A file's name wherever the package is installed, else its path."""
     for home in (PACKAGE / "_data", PACKAGE, PACKAGE.parent):
         if path.is_relative_to(home):

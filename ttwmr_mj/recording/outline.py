@@ -1,0 +1,48 @@
+"""The outlines of a robot's chassis as seen from above, for its places on the floor."""
+
+import mujoco
+import numpy as np
+
+from ttwmr_mj.plants.mjcf import HITCHES
+from ttwmr_mj.state import FloatArray
+
+VISUAL_GROUP = 2
+ROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+CIRCLE: FloatArray = np.stack([np.cos(ROUND), np.sin(ROUND)], axis=-1)
+
+
+def chassis(model: mujoco.MjModel) -> dict[str, int]:
+    """Name → body of the tractor and of what hangs on hitches, front to back."""
+    bodies = [model.joint(name).bodyid[0] for name in ("tractor", *HITCHES)]
+    return {model.body(body).name: int(body) for body in bodies}
+
+
+def outline(model: mujoco.MjModel, body: int, margin_m: float) -> FloatArray:
+    """(n, 2) corners, counter-clockwise, of the convex hull of a body and its wheels [m].
+
+    In the body's frame, with a margin around it.
+    """
+    from scipy.spatial import ConvexHull
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    near = _carried(model, body)
+    points = []
+    for geom in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
+        if model.geom_bodyid[geom] in near:
+            signs = np.array(np.meshgrid(*[[-1.0, 1.0]] * 3)).reshape(3, -1).T
+            box = model.geom_aabb[geom, :3] + signs * model.geom_aabb[geom, 3:]
+            points.append(data.geom_xpos[geom] + box @ data.geom_xmat[geom].reshape(3, 3).T)
+    local = (np.vstack(points) - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
+    wide = (local[:, None, :2] + margin_m * CIRCLE).reshape(-1, 2)
+    return np.asarray(wide[ConvexHull(wide).vertices])
+
+
+def _carried(model: mujoco.MjModel, chassis_body: int) -> set[int]:
+    """A chassis with its wheels: the bodies under it but for the next chassis and its wheels."""
+    others = set(chassis(model).values()) - {chassis_body}
+    found = {chassis_body}
+    for body in range(chassis_body + 1, model.nbody):  # MuJoCo numbers parents before children
+        if model.body_parentid[body] in found and body not in others:
+            found.add(body)
+    return found

@@ -1,0 +1,82 @@
+"""What runs of several seeds can show: intervals, and whether one law is better than another."""
+
+import math
+import statistics
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from scipy.stats import binom, binomtest
+
+CONFIDENCE = 0.95  # of all intervals
+SIGNIFICANCE = 0.05  # largest p at which two laws differ
+
+
+class Statistic(NamedTuple):
+    """One number of several runs; infinite where a run counts as worse than any number.
+
+    Attributes:
+        median: of all runs.
+        low: end of the median's interval; None where the runs are too few for one, or but one.
+        high: its other end.
+        worst: the largest; None of a single run, which is all there is.
+    """
+
+    median: float
+    low: float | None
+    high: float | None
+    worst: float | None
+
+    @classmethod
+    def of(cls, values: Sequence[float], scale: float = 1.0) -> "Statistic":
+        """Of the values of all runs, at least one."""
+        scaled = [scale * value for value in values]
+        low, high = median_interval(scaled) or (None, None)
+        return cls(statistics.median(scaled), low, high, max(scaled) if len(scaled) > 1 else None)
+
+
+class Outcome(NamedTuple):
+    """How a run did, as laws are compared."""
+
+    followed: bool
+    error: float  # smaller is better
+
+
+def share_interval(count: int, runs: int) -> tuple[float, float]:
+    """Exact binomial interval (Clopper-Pearson) of the share that `count` of `runs` come from."""
+    found = binomtest(count, runs).proportion_ci(CONFIDENCE, method="exact")
+    return float(found.low), float(found.high)
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """Interval of the population's median, whatever the distribution: two of the values.
+
+    The k-th smallest and the k-th largest, with the largest k for which they hold the median
+    between them with CONFIDENCE: 1 − 2·Pr(fewer than k of n fall below it). None of five and less.
+    """
+    n = len(values)
+    allowed = (1.0 - CONFIDENCE) / 2.0
+    k = sum(binom.cdf(i, n, 0.5) <= allowed for i in range(n))
+    return (sorted(values)[k - 1], sorted(values)[n - k]) if k else None
+
+
+def better(one: Mapping[int, Outcome], other: Mapping[int, Outcome]) -> bool:
+    """Whether one law is significantly better than another, by seeds that both have run.
+
+    Exact two-sided sign test on pairs of runs with the same seed, so the same world, push and
+    noise. A run that followed beats one that did not; of two that followed the smaller error wins;
+    all else is a tie and does not count.
+    """
+    results = [_result(one[seed], other[seed]) for seed in one.keys() & other.keys()]
+    wins, losses = results.count(1), results.count(-1)
+    if wins <= losses:
+        return False
+    return bool(binomtest(wins, wins + losses).pvalue <= SIGNIFICANCE)
+
+
+def _result(one: Outcome, other: Outcome) -> int:
+    """1 for a win of the first, -1 for a loss, 0 for a tie."""
+    if one.followed != other.followed:
+        return 1 if one.followed else -1
+    if not one.followed or one.error == other.error or math.isnan(one.error - other.error):
+        return 0
+    return 1 if one.error < other.error else -1

@@ -1,0 +1,162 @@
+"""Lines of the leaderboard: a controller on a task, its numbers over all seeds, and their ranks."""
+
+import math
+from collections import Counter, defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from ttwmr_mj.results.accept import VerdictName
+from ttwmr_mj.results.metrics import Metrics
+from ttwmr_mj.results.verdict import VERDICTS
+from ttwmr_mj.studies.bench.evidence import Outcome, Statistic, better
+from ttwmr_mj.studies.bench.suite import AXES
+
+
+class Column(NamedTuple):
+    """A number of the leaderboard."""
+
+    metrics: tuple[str, ...]  # the first that is defined counts
+    scale: float = 1.0
+    of_part: bool = False  # covers what the row is scored by: the second half, or the whole run
+    endless: bool = False  # where a run has none, it counts as larger than any number
+
+    def of(self, numbers: Metrics, scored: str) -> float | None:
+        """Its value in a run; None where undefined."""
+        prefix = "steady_" if self.of_part and scored == "steady" else ""
+        found = (numbers.get(prefix + name) for name in self.metrics)
+        return next((value for value in found if value is not None), None)
+
+
+_error = partial(Column, scale=1e3, of_part=True, endless=True)
+COLUMNS = {
+    "error, mm": _error(("centre_of_oscillation_rmse_m", "tractor_rmse_m")),
+    "P rms, mm": _error(("tractor_rmse_m",)),
+    "trailer rms, mm": _error(("trailer_rmse_m",)),
+    "P largest, mm": _error(("tractor_max_error_m",)),
+    "settled, s": Column(("settling_time_s",), endless=True),
+    "effort, rad²/s": Column(("control_effort",)),
+    "saturated, %": Column(("saturated_share",), 100.0),
+    "blind, %": Column(("blind_share",), 100.0),
+    "control, µs": Column(("control_time_per_sample_us",)),
+}
+RANKED_BY = "error, mm"
+SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """One run, scored.
+
+    Attributes:
+        seed: of it.
+        verdict: the name.
+        sentence: the verdict with what decided, or why it broke off.
+        finished: whether it came to its end.
+        values: column → number; None where undefined.
+    """
+
+    seed: int
+    verdict: VerdictName
+    sentence: str
+    finished: bool
+    values: dict[str, float | None]
+
+    @property
+    def followed(self) -> bool:
+        """Whether it is no failure."""
+        return self.verdict in SUCCESSES
+
+    @property
+    def outcome(self) -> Outcome:
+        """As laws are compared."""
+        error = self.values[RANKED_BY]
+        return Outcome(self.followed, math.inf if error is None else error)
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of the leaderboard: a controller on a task, all seeds together.
+
+    Attributes:
+        names: axis → name.
+        runs: by seed, in the suite's order.
+        scored: what errors cover, "steady" or "whole".
+        meant: the law is made for the task.
+        command: runs its first seed again.
+        manifest: of its first seed, relative to the leaderboard; None if that never started.
+        best: significantly better than every other law in the same place.
+    """
+
+    names: dict[str, str]
+    runs: tuple[Run, ...]
+    scored: str
+    meant: bool
+    command: str
+    manifest: str | None
+    best: bool = False
+
+    @property
+    def followed(self) -> int:
+        """How many runs did not fail."""
+        return sum(run.followed for run in self.runs)
+
+    @property
+    def failed(self) -> tuple[Run, ...]:
+        """Runs that did not follow."""
+        return tuple(run for run in self.runs if not run.followed)
+
+    @property
+    def lost(self) -> int:
+        """How many of those came to their end."""
+        return sum(run.finished for run in self.failed)
+
+    @property
+    def verdict(self) -> str:
+        """In words; with counts where runs differ."""
+        found = Counter(run.verdict for run in self.runs).most_common()
+        counted = [(VERDICTS[name][0], count) for name, count in found]
+        if len(counted) == 1:
+            return counted[0][0]
+        return "; ".join(f"{count} {words}" for words, count in counted)
+
+    def statistic(self, column: str) -> Statistic | None:
+        """A column over all runs; None where no run has a number."""
+        how = COLUMNS[column]
+        numbers = [run.values[column] for run in self.runs]
+        if all(number is None for number in numbers):
+            return None
+        missing = [math.inf] * numbers.count(None) if how.endless else []
+        there = [number for number in numbers if number is not None]
+        return Statistic.of([*there, *missing], how.scale)
+
+
+def ranked(lines: Iterable[Line], order: dict[str, list[str]]) -> list[Line]:
+    """Lines as a leaderboard lists them, the best marked.
+
+    Args:
+        lines: in any order.
+        order: axis → names, as the suite has them.
+    """
+    inorder = sorted(lines, key=lambda line: _rank(line, order))
+    groups: dict[tuple[str, ...], list[Line]] = defaultdict(list)
+    for line in inorder:
+        groups[tuple(line.names[axis] for axis in AXES[1:])].append(line)
+    return [replace(x, best=_is_best(x, group)) for group in groups.values() for x in group]
+
+
+def _is_best(line: Line, group: list[Line]) -> bool:
+    """Whether it is significantly better than every other one, of which there are some."""
+    outcomes = [{run.seed: run.outcome for run in other.runs} for other in group if other != line]
+    mine = {run.seed: run.outcome for run in line.runs}
+    return bool(outcomes) and all(better(mine, theirs) for theirs in outcomes)
+
+
+def _rank(line: Line, order: dict[str, list[str]]) -> tuple[Any, ...]:
+    """Tasks and their conditions as the suite has them; failures, then errors within one."""
+    place = {axis: order[axis].index(name) for axis, name in line.names.items()}
+    where = (place["task"], place["sensing"], place["plant"], place["disturbance"])
+    error = line.statistic(RANKED_BY)
+    failed = len(line.failed) / len(line.runs)
+    return (*where, failed, math.inf if error is None else error.median, place["controller"])

@@ -1,0 +1,133 @@
+"""Chunks computed: in processes of this machine, each a pure function from rows to a shard.
+
+A chunk whose process breaks is cut in halves until the row is found that breaks it; that row is a
+failed run, and the others are kept.
+"""
+
+from __future__ import annotations
+
+import os
+import traceback
+from collections import deque
+from collections.abc import Callable, Generator, Iterable, Iterator
+from contextlib import closing
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.errors import RunError
+from ttwmr_mj.studies.pool.jobs import Done, Event, Job, run_jobs
+from ttwmr_mj.studies.pool.task import PRELOAD
+from ttwmr_mj.studies.sweep.engine import broken, table_of
+from ttwmr_mj.studies.sweep.folder.shards import to_bytes
+from ttwmr_mj.studies.sweep.plan.plan import Plan
+from ttwmr_mj.studies.sweep.plan.sampling import IntArray
+
+ROW_TIMEOUT_S = 600.0  # of wall time for each row of a chunk; a law has its own, shorter limit
+MODULES = (*PRELOAD, "ttwmr_mj.studies.sweep.compute")
+
+
+@dataclass(frozen=True, slots=True)
+class Computed:
+    """A chunk's shard."""
+
+    rows: IntArray
+    content: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Broke:
+    """A chunk whose process ended without an answer."""
+
+    rows: IntArray
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Unexpected:
+    """An exception that nobody raised on purpose."""
+
+    traceback: str
+
+
+Outcome = Computed | Broke
+Compute = Callable[[Plan, Iterable[IntArray]], Generator[Outcome, None, None]]
+"""Computes chunks in any order; takes one from the iterable only when there is room for it."""
+
+
+def shard_of(plan: Plan, rows: IntArray) -> bytes | Unexpected:
+    """The Parquet file of these rows: a pure function of its arguments.
+
+    Raises:
+        TtwmrError: this machine cannot run them.
+    """
+    from ttwmr_mj.errors import TtwmrError
+
+    try:
+        return to_bytes(table_of(plan, rows))
+    except TtwmrError:
+        raise
+    except Exception:
+        return Unexpected(traceback.format_exc().strip())
+
+
+def in_processes(workers: int | None) -> Compute:
+    """Computes chunks in that many processes of this machine; None: one per processor."""
+
+    def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
+        # each process fills one processor by itself; the server of processes passes this on
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+        jobs = (Job("chunk", shard_of, (plan, rows), ROW_TIMEOUT_S * len(rows)) for rows in chunks)
+        with closing(run_jobs(jobs, workers=workers, preload=MODULES)) as events:
+            for event in events:
+                yield _outcome(event)
+
+    return compute
+
+
+def _outcome(event: Event) -> Outcome:
+    rows = event.job.arguments[1]
+    if isinstance(event, Done):
+        return computed(rows, event.result)
+    if event.error is not None:
+        raise event.error
+    return Broke(rows, event.reason)
+
+
+def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
+    """The shard, unless there is none for a reason that another try would not change.
+
+    Raises:
+        RunError: the code broke, not a run.
+    """
+    if isinstance(result, Unexpected):
+        raise RunError(f"rows {rows[0]} to {rows[-1]} could not be computed:\n{result.traceback}")
+    return Computed(rows, result)
+
+
+def computed_shards(plan: Plan, chunks: Iterable[IntArray], compute: Compute) -> Iterator[Computed]:
+    """Every chunk's shard, in the order in which they are done; what breaks is halved."""
+    halves: deque[IntArray] = deque()
+    waiting = iter(chunks)
+
+    def remaining() -> Iterator[IntArray]:
+        while True:
+            if halves:
+                yield halves.popleft()
+            elif (rows := next(waiting, None)) is not None:
+                yield rows
+            else:
+                return
+
+    more = True
+    while more:  # a chunk may break when all others have been handed out
+        with closing(compute(plan, remaining())) as outcomes:
+            for outcome in outcomes:
+                if isinstance(outcome, Computed):
+                    yield outcome
+                elif len(outcome.rows) > 1:
+                    halves.extend(np.array_split(outcome.rows, 2))
+                else:
+                    table = broken(plan, int(outcome.rows[0]), outcome.reason)
+                    yield Computed(outcome.rows, to_bytes(table))
+        more = bool(halves)

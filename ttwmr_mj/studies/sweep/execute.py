@@ -1,0 +1,112 @@
+"""A sweep from its plan to its folder: what is missing is computed, and nothing twice."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+
+from ttwmr_mj.state import BoolArray
+from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
+from ttwmr_mj.studies.sweep.folder.lock import locked
+from ttwmr_mj.studies.sweep.folder.part import Part
+from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
+from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
+from ttwmr_mj.studies.sweep.plan.plan import Plan
+from ttwmr_mj.studies.sweep.plan.sampling import IntArray
+
+BATCH = 256  # simulations at once: more are hardly faster, and lose more when they are killed
+CAMERA_BATCH = 4  # frames are rendered one by one
+
+Told = Callable[[int, int], None]
+"""Hears how many rows are done, and how many of them failed."""
+
+
+def fill(
+    plan: Plan,
+    folder: Path,
+    compute: Compute,
+    *,
+    part: Part | None = None,
+    chunk: int | None = None,
+    told: Told | None = None,
+) -> bool:
+    """Compute the rows of a plan, or of a part, that its folder lacks; then the table, if all are.
+
+    Args:
+        plan: that the folder holds.
+        folder: of the sweep.
+        compute: computes chunks.
+        part: which rows; None: all.
+        chunk: rows in a shard; None: what suits them.
+        told: hears of the progress.
+
+    Returns:
+        Whether the table is complete.
+
+    Raises:
+        InputError: another process is at it.
+    """
+    part = part or Part()
+    with locked(folder, part.name):
+        if not part.name:
+            drop_remains(folder, plan)
+        done = rows_done(folder, plan)
+        start, stop = part.rows(plan)
+        _fill(plan, folder, compute, done[start:stop], start, chunk, told)
+        if rows_done(folder, plan).all():
+            if not (folder / RESULTS_FILE).is_file():
+                assemble(folder, plan)
+            return True
+    return False
+
+
+def _fill(
+    plan: Plan,
+    folder: Path,
+    compute: Compute,
+    done: BoolArray,
+    start: int,
+    chunk: int | None,
+    told: Told | None,
+) -> None:
+    """Compute the rows from `start` on that are not done."""
+    count, failed = int(done.sum()), 0
+    if count:
+        failed = _failures_before(folder, plan)
+    if told is not None:
+        told(count, failed)
+    chunks = _chunks(np.flatnonzero(~done) + start, chunk or chunk_size(plan, len(done)))
+    with closing(computed_shards(plan, chunks, compute)) as shards:
+        for shard in shards:
+            write_shard(folder, plan, shard.rows, shard.content)
+            count += len(shard.rows)
+            failed += failures(pq.read_table(io.BytesIO(shard.content), columns=["verdict"]))
+            if told is not None:
+                told(count, failed)
+
+
+def _failures_before(folder: Path, plan: Plan) -> int:
+    return sum(failures(shard.read(["verdict"])) for shard in shards_in(folder, plan))
+
+
+def _chunks(rows: IntArray, size: int) -> Iterator[IntArray]:
+    for start in range(0, len(rows), size):
+        yield rows[start : start + size]
+
+
+def chunk_size(plan: Plan, rows: int, processes: int = 8) -> int:
+    """Rows in a shard: a batch for each variant, but several chunks for each process."""
+    batch = CAMERA_BATCH if _sees(plan) else BATCH
+    return max(1, min(batch * len(plan.variant_names), -(-rows // processes)))
+
+
+def _sees(plan: Plan) -> bool:
+    """Whether any row is run by camera."""
+    first = plan.rows_at(np.arange(min(plan.rows, len(plan.variant_names) * len(plan.seeds))))
+    seen = {row.variant: row for row in first}
+    return any(plan.scenario_of(row).sensing.kind == "camera" for row in seen.values())

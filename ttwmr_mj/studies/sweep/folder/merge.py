@@ -1,0 +1,45 @@
+"""Folders of one plan joined: those of several machines, each with a part of the rows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, refuse_other, stored_plan, write_plan
+from ttwmr_mj.studies.sweep.folder.shards import rows_done, shards_in, write_shard
+from ttwmr_mj.studies.sweep.plan.plan import Plan
+
+
+def merge(folders: tuple[Path, ...], into: Path) -> Plan:
+    """Bring the shards of folders together in one, which may be one of them.
+
+    Args:
+        folders: of one plan.
+        into: gets copies of what it lacks; need not be there.
+
+    Raises:
+        InputError: a folder holds no sweep, or that of another plan; nothing was written.
+    """
+    plans = [(folder, _plan_of(folder)) for folder in folders]
+    target = stored_plan(into)
+    first = target or plans[0][1]
+    for folder, plan in plans:
+        refuse_other(folder, plan, first)
+    if target is None:
+        write_plan(into, first)
+    done = rows_done(into, first)
+    for folder, plan in plans:
+        for shard in shards_in(folder, plan):
+            rows = shard.rows
+            if not done[rows].all():
+                write_shard(into, first, rows, shard.path.read_bytes())
+                done[rows] = True
+    return first
+
+
+def _plan_of(folder: Path) -> Plan:
+    plan = stored_plan(folder)
+    if plan is None:
+        fault = Fault(problem=f"no sweep's folder: there is no {PLAN_FILE}")
+        raise InputError(fault, file=str(folder))
+    return plan

@@ -1,0 +1,85 @@
+"""plan.json: what a folder is being filled with; another plan is refused, and told what differs."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import write_json
+from ttwmr_mj.studies.pool.ingredients import differences
+from ttwmr_mj.studies.sweep.plan.plan import Plan
+
+PLAN_FILE = "plan.json"
+SHOWN = 12  # differences
+
+
+def stored_plan(folder: Path) -> Plan | None:
+    """The plan of a folder; None if it has none.
+
+    Raises:
+        InputError: it cannot be read.
+    """
+    path = folder / PLAN_FILE
+    if not path.is_file():
+        return None
+    try:
+        return Plan.from_json(json.loads(path.read_text(encoding="utf-8")))
+    except (ValueError, KeyError) as error:
+        fault = Fault(problem=f"no plan that this version can read: {error}")
+        raise InputError(fault, file=str(path)) from error
+
+
+def write_plan(folder: Path, plan: Plan) -> None:
+    """Make it the folder's plan."""
+    folder.mkdir(parents=True, exist_ok=True)
+    write_json(folder / PLAN_FILE, plan.to_json())
+
+
+def refuse_other(folder: Path, stored: Plan, plan: Plan) -> None:
+    """Raises InputError if the plans' results differ, with what does."""
+    if stored.digest == plan.digest:
+        return
+    faults = changes(stored, plan)
+    hint = "give another --out; --extend keeps what is there where rows were only added"
+    problem = f"the folder holds results of another plan; {hint}"
+    raise InputError(Fault(problem=problem), *faults, file=str(folder / PLAN_FILE))
+
+
+def changes(stored: Plan, plan: Plan) -> list[Fault]:
+    """What differs between two plans, in a line each."""
+    before, now = stored.identity, plan.identity
+    keys = differences(before, now)
+    faults = [
+        Fault(key=(key,), problem=f"was {_shown(before, key)}, is {_shown(now, key)}")
+        for key in keys[:SHOWN]
+    ]
+    if len(keys) > SHOWN:
+        faults.append(Fault(problem=f"and {len(keys) - SHOWN} more"))
+    return faults
+
+
+def _shown(data: Any, key: str) -> str:
+    """The value at a dotted key, some of whose parts hold dots themselves."""
+    while key:
+        head = next((k for k in data if key == k or key.startswith(f"{k}.")), None)
+        if head is None:
+            return "missing"
+        data, key = data[head], key[len(head) + 1 :]
+    text = json.dumps(data)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Raises InputError if the folder holds something else than a sweep."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError.at("--out", "a file is in the way", got=str(folder))
+    if folder.is_dir() and not (folder / PLAN_FILE).is_file() and any(folder.iterdir()):
+        hint = "give another one"
+        problem = "the folder holds something, and no sweep"
+        raise InputError.at("--out", problem, got=str(folder), hint=hint)
+    there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
+    if not os.access(there, os.W_OK):
+        raise InputError.at("--out", f"nothing can be written in {there}", got=str(folder))

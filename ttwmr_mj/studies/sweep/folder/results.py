@@ -1,0 +1,60 @@
+"""results.parquet: all rows in order, the same bytes however the work was cut up."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.compute as pc
+import pyarrow.parquet as pq
+
+from ttwmr_mj.studies.sweep.engine import schema_of
+from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
+from ttwmr_mj.studies.sweep.plan.plan import Plan
+
+RESULTS_FILE = "results.parquet"
+GROUP = 65_536  # rows in memory at a time, and in a row group of the file
+FOLLOWED = "followed"
+
+
+def assemble(folder: Path, plan: Plan) -> None:
+    """Write results.parquet from shards that hold every row, some perhaps twice."""
+    path, shards = folder / RESULTS_FILE, shards_in(folder, plan)
+    temporary = path.with_name(path.name + ".part")
+    with pq.ParquetWriter(temporary, schema_of(plan)) as writer:
+        for start in range(0, plan.rows, GROUP):
+            writer.write_table(_window(shards, start, min(start + GROUP, plan.rows)), GROUP)
+    temporary.replace(path)
+
+
+def _window(shards: list[Shard], start: int, stop: int) -> pa.Table:
+    """The rows from start to stop, in order, each once."""
+    parts = []
+    for shard in shards:
+        if shard.first < stop and shard.last >= start:
+            table = shard.read()
+            inside = pc.and_(pc.greater_equal(table["row"], start), pc.less(table["row"], stop))
+            parts.append(table.filter(inside))
+    table = pa.concat_tables(parts)
+    rows, first = np.unique(table["row"].to_numpy(), return_index=True)
+    if not np.array_equal(rows, np.arange(start, stop)):
+        raise AssertionError(f"rows are missing between {start} and {stop}")
+    return table.take(first).combine_chunks()
+
+
+def failures(table: pa.Table) -> int:
+    """How many of these rows did not do their job."""
+    return int(pc.sum(pc.not_equal(table["verdict"], FOLLOWED)).as_py() or 0)
+
+
+def told_results(plan: Plan, folder: Path) -> str:
+    """A finished sweep in a few lines."""
+    table = pq.read_table(folder / RESULTS_FILE, columns=["verdict", plan.metric])
+    share = 100.0 * failures(table) / plan.rows
+    metric = table[plan.metric].drop_null()
+    lines = [f"{plan.name}: {plan.rows} runs, {failures(table)} failed ({share:.3g} %)"]
+    if len(metric):
+        low, middle, high = pc.quantile(metric, [0.05, 0.5, 0.95]).to_pylist()
+        lines.append(f"{plan.metric}: median {middle:.3g}, 90 % within {low:.3g} to {high:.3g}")
+    return "\n".join([*lines, f"written to {folder / RESULTS_FILE}"])

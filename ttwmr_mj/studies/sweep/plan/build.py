@@ -1,0 +1,122 @@
+"""From the file of a sweep to its plan: the scenario read, and what results are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.report import HEADLINES
+from ttwmr_mj.scenario.file import find_scenario, read_scenario
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.pool.ingredients import made_of_run
+from ttwmr_mj.studies.sweep.plan.file import SweepRequest, Table
+from ttwmr_mj.studies.sweep.plan.parameters import Value
+from ttwmr_mj.studies.sweep.plan.plan import SHIPPED, Plan, Row
+
+MOST_ROWS = 10_000_000
+
+
+def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
+    """The plan of a sweep, its rows not checked; what it is made of comes with `with_ingredients`.
+
+    Raises:
+        InputError: there is no such scenario, it cannot be read, or there are too many rows.
+    """
+    file = request.file
+    beside = request.folder / file.scenario
+    path = find_scenario(str(beside) if beside.is_file() else file.scenario)
+    shipped = path.parent.resolve() == scenarios_folder().resolve()
+    plan = Plan(
+        name=file.name,
+        description=file.description,
+        scenario=path.stem if shipped else str(path.resolve()),
+        base=read_scenario(path),
+        folder=SHIPPED if shipped else str(path.parent.resolve()),
+        overrides=request.overrides,
+        seeds=request.seeds,
+        sampling=file.sampling,
+        samples=file.samples,
+        sampling_seed=file.sampling_seed,
+        sensitivity=file.sensitivity,
+        axes=request.axes,
+        variants={name: tuple(given.overrides) for name, given in file.variants.items()},
+        metric=file.metric or "",
+    )
+    _refuse_size(plan, request.source, most_rows)
+    return plan
+
+
+def _refuse_size(plan: Plan, source: str, most_rows: int) -> None:
+    faults = []
+    if plan.rows > most_rows:
+        faults.append(
+            Fault(
+                got=f"{plan.rows} rows",
+                allowed=f"at most {most_rows}",
+                hint="vary less, or raise the limit with --max-rows",
+            )
+        )
+    if plan.sensitivity and not plan.axes:
+        faults.append(Fault(key=("sensitivity",), problem="nothing is varied"))
+    if plan.sampling != "grid" and not plan.axes:
+        faults.append(Fault(key=("samples",), problem="nothing is varied; leave the sampling out"))
+    if faults:
+        raise InputError(*faults, file=source)
+
+
+def completed(plan: Plan) -> Plan:
+    """The plan with its headline metric and what its results are made of.
+
+    Args:
+        plan: whose rows are sound.
+    """
+    from dataclasses import replace
+
+    rows = list(_kinds_of_rows(plan))
+    scenarios = [plan.scenario_of(row) for row in rows]
+    return replace(
+        plan, metric=plan.metric or _headline(scenarios[0]), made_of=_made_of(plan, scenarios)
+    )
+
+
+def _kinds_of_rows(plan: Plan) -> Iterator[Row]:
+    """A row of each variant, and of each word that a parameter may be."""
+    first: dict[str, Value] = {key: p.extremes[0] for key, p in plan.parameters.items()}
+    for variant in plan.variant_names:
+        yield Row(-1, 0, variant, plan.seeds[0], first)
+        for axis in plan.axes:
+            words = [p.values or () for p in axis.parameters.values()]
+            for cell in zip(*words, strict=False):
+                if any(isinstance(value, str) for value in cell):
+                    others = first | dict(zip(axis.parameters, cell, strict=True))
+                    yield Row(-1, 0, variant, plan.seeds[0], others)
+
+
+def _headline(scenario: Scenario) -> str:
+    """Where the trailer goes, if the reference says where; else where P goes."""
+    reference = sample_reference(scenario)
+    told = reference is not None and np.isfinite(reference.q[..., 3]).any()
+    return HEADLINES[0] if told else HEADLINES[1]
+
+
+def _made_of(plan: Plan, scenarios: list[Scenario]) -> Table:
+    """Of all kinds of rows; files beside the scenario by their names there."""
+    parts: dict[str, dict[str, Any]] = {"data": {}, "code": {}, "libraries": {}}
+    for scenario in scenarios:
+        made_of = made_of_run(scenario, plan.beside)
+        for part, found in parts.items():
+            found |= made_of[part]
+    beside = f"{plan.beside.resolve()}/"
+    data = {name.removeprefix(beside): digest for name, digest in parts["data"].items()}
+    return {**parts, "data": dict(sorted(data.items()))}
+
+
+def files_beside(plan: Plan) -> list[Path]:
+    """Files of the user's that a machine needs to compute rows: beside the scenario."""
+    return [plan.beside / name for name in plan.made_of["data"] if (plan.beside / name).is_file()]

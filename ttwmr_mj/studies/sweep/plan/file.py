@@ -1,0 +1,309 @@
+"""The file of a sweep: which scenario, what is varied, how it is sampled."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, ValidationError
+
+from ttwmr_mj.assets import sweeps_folder
+from ttwmr_mj.config import Config
+from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.scenario.faults import faults_of, suggestion
+from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
+
+Sampling = Literal["grid", "random", "latin_hypercube", "sobol"]
+Seed = Annotated[int, Field(ge=0, lt=2**32)]
+Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+Table = dict[str, Any]
+MOST_SEEDS = 1_000_000
+OWN_KEYS = ("seed", "seeds", "name", "description", "schema_version")  # no parameters
+
+
+class Variant(Config):
+    """One of several scenarios side by side, such as a law: what it changes."""
+
+    overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
+
+
+class SweepFile(Config):
+    """A sweep as its file gives it; what [parameters] holds is read by `parameter_of`."""
+
+    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
+    description: str = ""
+    scenario: str = Field(description="a TOML file next to the sweep, or a shipped scenario")
+    overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
+    seeds: int | list[Seed] = Field(
+        default=1, description="how many, counted from 0, or the seeds themselves"
+    )
+    sampling: Sampling = "grid"
+    samples: int | None = Field(
+        default=None, ge=1, description="how many, for every sampling but a grid"
+    )
+    sampling_seed: Seed = Field(default=0, description="of the samples, not of the runs")
+    sensitivity: bool = Field(
+        default=False,
+        description="with sampling = 'sobol': two sets of samples and their mixtures, from which "
+        "first-order and total Sobol indices are computed",
+    )
+    metric: str | None = Field(
+        default=None, description="what the report is about; default: by what the reference says"
+    )
+    parameters: Table = {}
+    together: list[Table] = Field(
+        default=[], description="tables of parameters that vary together, value by value"
+    )
+    belief: Table = Field(
+        default={}, description="what the controller is told: values, or parameters as above"
+    )
+    variants: dict[Name, Variant] = Field(
+        default={}, description="scenarios side by side, each on the same values and seeds"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """Parameters that vary together, as one.
+
+    Attributes:
+        parameters: key of the scenario → what it may be.
+    """
+
+    parameters: dict[str, Parameter]
+
+    @property
+    def name(self) -> str:
+        """Its keys."""
+        return " & ".join(self.parameters)
+
+    @property
+    def count(self) -> int | None:
+        """How many values there are; None if there is a continuum."""
+        values = next(iter(self.parameters.values())).values
+        return None if values is None else len(values)
+
+    @property
+    def drawn(self) -> bool:
+        """Whether it has a distribution, of which a grid draws one value for each seed."""
+        return next(iter(self.parameters.values())).drawn
+
+
+@dataclass(frozen=True, slots=True)
+class SweepRequest:
+    """A sweep that is sound as a file; whether its rows can run is not known yet.
+
+    Attributes:
+        file: what it says.
+        source: where it says so, for messages.
+        folder: where files that it names are looked for first.
+        axes: what is varied.
+        overrides: on every row.
+        seeds: of the runs.
+    """
+
+    file: SweepFile
+    source: str
+    folder: Path
+    axes: tuple[Axis, ...]
+    overrides: tuple[str, ...]
+    seeds: tuple[int, ...]
+
+
+def shipped_sweeps() -> dict[str, Path]:
+    """Name of every shipped sweep and its file; suites of `ttwmr bench` lie beside them."""
+    paths = sorted(sweeps_folder().glob("*.toml"))
+    return {path.stem: path for path in paths if is_sweep(_read(path))}
+
+
+def is_sweep(data: Table) -> bool:
+    """Whether a TOML file is one of `ttwmr sweep`; one of `ttwmr bench` names controllers."""
+    return "controller" not in data and "task" not in data
+
+
+def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepRequest:
+    """Read a sweep: a TOML file, or the name of a shipped one.
+
+    Args:
+        name_or_path: which.
+        overrides: more of them, after those of the file.
+
+    Raises:
+        InputError: there is none, or it is wrong; with every fault of the file.
+    """
+    path = _find(name_or_path)
+    data = _read(path)
+    if not is_sweep(data):
+        problem = "this is a suite of controllers and tasks, not a sweep"
+        raise InputError(Fault(problem=problem, hint=f"ttwmr bench {name_or_path}"), file=str(path))
+    faults: list[Fault] = []
+    try:
+        file = SweepFile.model_validate(data)
+    except ValidationError as error:
+        faults = faults_of(error, SweepFile)
+        file = _sound_part(data, faults)
+    constants, believed = _belief(file.belief)
+    axes = tuple(_axes(file, believed, faults))
+    faults += _faults(file, axes)
+    if faults:
+        raise InputError(*faults, file=str(path))
+    seeds = tuple(range(file.seeds)) if isinstance(file.seeds, int) else tuple(file.seeds)
+    every = (*file.overrides, *constants, *overrides)
+    return SweepRequest(file, str(path), path.parent, axes, every, seeds)
+
+
+def _find(name_or_path: str) -> Path:
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    places = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
+    named = path.stem if path.parent.name == "sweeps" and path.suffix == ".toml" else name_or_path
+    if named in places:
+        return places[named]
+    shipped = list(shipped_sweeps())
+    problem = "no such sweep file, and no shipped sweep of that name"
+    raise InputError(
+        Fault(
+            problem=f"{problem}{suggestion(path.stem, shipped)}",
+            hint=f"shipped: {', '.join(shipped)}",
+        ),
+        file=name_or_path,
+    )
+
+
+def _read(path: Path) -> Table:
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        fault = Fault(problem=f"cannot be read as TOML: {error}")
+        raise InputError(fault, file=str(path)) from error
+
+
+def _sound_part(data: Table, faults: list[Fault]) -> SweepFile:
+    """The file without what is wrong, so that the rest is looked at too."""
+    wrong = {fault.key[0] for fault in faults if fault.key}
+    sound = {"name": "unnamed", "scenario": ""} | {k: v for k, v in data.items() if k not in wrong}
+    return SweepFile.model_validate(sound)
+
+
+def _belief(given: Table) -> tuple[list[str], Table]:
+    """[belief] as overrides, where it holds values, and as a table of parameters."""
+    constants, varied = [], {}
+    for path, entry in flattened(given):
+        if isinstance(entry, dict):
+            varied[f"belief.{path}"] = entry
+        else:
+            constants.append(f"belief.{path}={_as_toml(entry)}")
+    return constants, varied
+
+
+def _as_toml(value: Any) -> str:
+    import tomli_w
+
+    return tomli_w.dumps({"value": value}).partition("=")[2].strip()
+
+
+def flattened(given: Table, outer: str = "") -> Iterator[tuple[str, Any]]:
+    """Dotted path and entry: a table that describes a parameter, or a value.
+
+    TOML makes tables of a dotted key without quotes; they are taken for the path that was meant.
+    """
+    for key, entry in given.items():
+        path = f"{outer}.{key}" if outer else key
+        if isinstance(entry, dict) and any(isinstance(inner, dict) for inner in entry.values()):
+            yield from flattened(entry, path)
+        else:
+            yield path, entry
+
+
+def _axes(file: SweepFile, believed: Table, faults: list[Fault]) -> Iterator[Axis]:
+    """What is varied, in the order of the file; faults are added to the list."""
+    groups: list[tuple[Keys, list[tuple[str, Any]]]] = []
+    for path, given in flattened(file.parameters):
+        groups.append((("parameters",), [(path, given)]))
+    for path, given in believed.items():
+        groups.append((("belief",), [(path, given)]))
+    for i, table in enumerate(file.together):
+        groups.append((("together", i), list(flattened(table))))
+    seen: set[str] = set()
+    for where, group in groups:
+        axis = {}
+        for path, given in group:
+            key = (*where, path.removeprefix("belief.") if where == ("belief",) else path)
+            found = _parameter(given) if path not in seen else [Fault(problem="varied twice")]
+            if path in OWN_KEYS:
+                hint = "seeds are given in `seeds`" if path.startswith("seed") else ""
+                found = [Fault(problem="cannot be varied", hint=hint)]
+            seen.add(path)
+            if isinstance(found, list):
+                faults += [fault.within(*key) for fault in found]
+            else:
+                axis[path] = found
+        if len(axis) == len(group) and axis:
+            yield Axis(axis)
+
+
+def _parameter(given: Any) -> Parameter | list[Fault]:
+    if isinstance(given, dict):
+        return parameter_of(given)
+    hint = f"a fixed value goes into overrides; to vary it give {{ values = [{given!r}, ...] }}"
+    return [Fault(got=repr(given), problem="says no values", hint=hint)]
+
+
+def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
+    """What the keys do not show one by one."""
+    if isinstance(file.seeds, int) and not 1 <= file.seeds <= MOST_SEEDS:
+        yield Fault(key=("seeds",), got=str(file.seeds), allowed=f"1 to {MOST_SEEDS}, or a list")
+    elif isinstance(file.seeds, list) and (
+        not file.seeds or len(set(file.seeds)) < len(file.seeds)
+    ):
+        yield Fault(key=("seeds",), got=repr(file.seeds), allowed="one or more, each once")
+    if file.metric is not None and file.metric not in METRICS:
+        hint = suggestion(file.metric, list(METRICS))
+        yield Fault(key=("metric",), got=f"{file.metric!r}{hint}", allowed=", ".join(METRICS))
+    yield from _sampling_faults(file)
+    for axis in axes:
+        yield from _axis_faults(file, axis)
+
+
+def _sampling_faults(file: SweepFile) -> Iterator[Fault]:
+    if file.sampling == "grid" and file.samples is not None:
+        hint = "leave it out, or choose random, latin_hypercube or sobol"
+        yield Fault(key=("samples",), got=str(file.samples), problem="a grid has none", hint=hint)
+    if file.sampling != "grid" and file.samples is None:
+        problem = f"missing; sampling = {file.sampling!r} needs a number"
+        yield Fault(key=("samples",), problem=problem)
+    if file.sensitivity and file.sampling != "sobol":
+        allowed = "with sampling = 'sobol' only"
+        yield Fault(key=("sensitivity",), got="true", allowed=allowed)
+    samples = file.samples or 1
+    if file.sampling == "sobol" and samples & (samples - 1):
+        near = 1 << samples.bit_length()
+        allowed = f"a power of two, such as {near // 2} or {near}: other sets lose their balance"
+        yield Fault(key=("samples",), got=str(samples), allowed=allowed)
+
+
+def _axis_faults(file: SweepFile, axis: Axis) -> Iterator[Fault]:
+    from ttwmr_mj.studies.sweep.plan.parameters import Range
+
+    counts = {path: p.values and len(p.values) for path, p in axis.parameters.items()}
+    if len(set(counts.values())) > 1:
+        told = ", ".join(f"{path}: {count or 'a continuum'}" for path, count in counts.items())
+        allowed = "as many values for each"
+        yield Fault(key=("together",), got=told, problem="they vary together", allowed=allowed)
+    elif len({p.drawn for p in axis.parameters.values()}) > 1:
+        problem = "they vary together, and only some are distributions"
+        yield Fault(key=("together",), got=axis.name, problem=problem)
+    for path, parameter in axis.parameters.items():
+        key = ("parameters", path)
+        if file.sampling == "grid" and isinstance(parameter, Range) and parameter.count is None:
+            problem = "missing; a grid needs to know how many values"
+            yield Fault(key=(*key, "count"), problem=problem)
+        values: tuple[Value, ...] | None = parameter.values
+        if values is not None and len(values) == 1:
+            hint = f'overrides = ["{path}={_as_toml(values[0])}"] sets it on every row'
+            yield Fault(key=key, got=repr(values[0]), problem="one value varies nothing", hint=hint)

@@ -1,0 +1,323 @@
+"""What a parameter of a sweep may be: a list, a range, a distribution.
+
+Each says its values two ways. `values` are finitely many, counted from 0, for a grid; None where
+there is a continuum. `of_unit` turns numbers of [0, 1) into values, for samples: evenly over finitely
+many values, else by the inverse of the distribution function.
+"""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import Field, ValidationError, model_validator
+
+from ttwmr_mj.config import Config
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.scenario.faults import faults_of
+from ttwmr_mj.state import FloatArray
+
+Value = float | int | str | bool
+Values = Annotated[list[Value], Field(min_length=1)]
+HALF_STEP = 2.0**-54  # keeps a distribution's ends, which may be infinite, away
+MOST_VALUES = 100_000  # of one parameter
+
+
+class Parameter(Config):
+    """One varied key of the scenario.
+
+    Attributes:
+        kind: its name in plan.json.
+        drawn: whether it is a distribution, of which a grid draws one value for each seed.
+    """
+
+    kind: ClassVar[str]
+    drawn: ClassVar[bool] = True
+
+    @property
+    @abstractmethod
+    def values(self) -> tuple[Value, ...] | None:
+        """Every value it takes; None if there is a continuum of them."""
+
+    @property
+    def weights(self) -> FloatArray | None:
+        """How often each of `values` is drawn, summing to 1; None: equally."""
+        return None
+
+    @abstractmethod
+    def quantile(self, share: FloatArray) -> FloatArray:
+        """The value that this share of a continuum lies below; for shares inside (0, 1)."""
+
+    def of_unit(self, unit: FloatArray) -> list[Value]:
+        """Values for numbers of [0, 1)."""
+        if self.values is None:
+            inside = np.clip(unit, HALF_STEP, 1.0 - 2 * HALF_STEP)
+            drawn: list[Value] = self.quantile(inside).tolist()
+            return drawn
+        return [self.values[i] for i in self.index_of_unit(unit)]
+
+    def index_of_unit(self, unit: FloatArray) -> list[int]:
+        """Places in `values` for numbers of [0, 1)."""
+        values = self.values or ()
+        weights = self.weights
+        if weights is None:
+            index = (unit * len(values)).astype(np.int64)
+        else:
+            index = np.searchsorted(np.cumsum(weights), unit, side="right")
+        found: list[int] = np.minimum(index, len(values) - 1).tolist()
+        return found
+
+    @property
+    def extremes(self) -> list[Value]:
+        """Values to try first: all of a short list, else the ends and the middle."""
+        if self.values is not None and len(self.values) <= MOST_TRIED:
+            return list(self.values)
+        return self.of_unit(np.array([0.0, 0.5, 1.0 - 2 * HALF_STEP]))
+
+
+MOST_TRIED = 64
+
+
+class Listed(Parameter):
+    """The values themselves."""
+
+    kind: ClassVar[str] = "values"
+    drawn: ClassVar[bool] = False
+
+    given: Values = Field(alias="values", description="every value, in order")
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        return tuple(self.given)
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        raise AssertionError("a list is no continuum")
+
+
+class Range(Parameter):
+    """From `low` to `high`: `count` values of it, or, without a count, all of it, evenly."""
+
+    kind: ClassVar[str] = "range"
+    drawn: ClassVar[bool] = False
+
+    low: float | int
+    high: float | int
+    count: int | None = Field(default=None, ge=2, le=MOST_VALUES)
+    spacing: Literal["linear", "log"] = Field(
+        default="linear", description="log: equal ratios, not equal differences"
+    )
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        _ordered(self.low, self.high, positive=self.spacing == "log")
+        return self
+
+    @cached_property
+    def values(self) -> tuple[Value, ...] | None:  # type: ignore[override]
+        if self.count is None:
+            return None
+        if self.spacing == "log":
+            return tuple(np.geomspace(self.low, self.high, self.count).tolist())
+        steps = np.linspace(self.low, self.high, self.count)
+        whole = isinstance(self.low, int) and isinstance(self.high, int)
+        if whole and (steps == steps.round()).all():  # of a key that counts something
+            return tuple(steps.astype(np.int64).tolist())
+        return tuple(steps.tolist())
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        if self.spacing == "log":
+            return _log_uniform(self.low, self.high, share)
+        return self.low + (self.high - self.low) * share
+
+
+class Uniform(Parameter):
+    """Every value between `low` and `high` is equally likely."""
+
+    kind: ClassVar[str] = "uniform"
+
+    distribution: Literal["uniform"]
+    low: float
+    high: float
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        _ordered(self.low, self.high)
+        return self
+
+    @property
+    def values(self) -> None:
+        return None
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        return self.low + (self.high - self.low) * share
+
+
+class LogUniform(Parameter):
+    """Every order of magnitude between `low` and `high` is equally likely."""
+
+    kind: ClassVar[str] = "log_uniform"
+
+    distribution: Literal["log_uniform"]
+    low: float
+    high: float
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        _ordered(self.low, self.high, positive=True)
+        return self
+
+    @property
+    def values(self) -> None:
+        return None
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        return _log_uniform(self.low, self.high, share)
+
+
+class Normal(Parameter):
+    """A normal distribution, cut off at `low` and `high` where they are given."""
+
+    kind: ClassVar[str] = "normal"
+
+    distribution: Literal["normal"]
+    mean: float
+    std: float = Field(gt=0)
+    low: float | None = None
+    high: float | None = None
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        if self.low is not None and self.high is not None:
+            _ordered(self.low, self.high)
+        lowest, highest = self._shares()
+        if not lowest < highest:
+            raise ValueError("between `low` and `high` lies nothing of this distribution")
+        return self
+
+    @property
+    def values(self) -> None:
+        return None
+
+    def _shares(self) -> tuple[float, float]:
+        from scipy.special import ndtr
+
+        low = 0.0 if self.low is None else float(ndtr((self.low - self.mean) / self.std))
+        high = 1.0 if self.high is None else float(ndtr((self.high - self.mean) / self.std))
+        return low, high
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        from scipy.special import ndtri
+
+        low, high = self._shares()
+        drawn = self.mean + self.std * ndtri(low + (high - low) * share)
+        return np.asarray(np.clip(drawn, self.low, self.high))
+
+
+class Choice(Parameter):
+    """One of `values`, equally often or by `weights`."""
+
+    kind: ClassVar[str] = "choice"
+
+    distribution: Literal["choice"]
+    given: Values = Field(alias="values")
+    given_weights: list[Annotated[float, Field(ge=0)]] | None = Field(
+        default=None, alias="weights", description="as many as values; their sum is irrelevant"
+    )
+
+    @model_validator(mode="after")
+    def _goes_together(self) -> Self:
+        if self.given_weights is not None:
+            if len(self.given_weights) != len(self.given):
+                raise ValueError(
+                    f"{len(self.given_weights)} weights for {len(self.given)} values; "
+                    "give as many as there are values"
+                )
+            if not sum(self.given_weights) > 0:
+                raise ValueError("all weights are 0; let some be positive")
+        return self
+
+    @property
+    def values(self) -> tuple[Value, ...]:
+        return tuple(self.given)
+
+    @property
+    def weights(self) -> FloatArray | None:
+        if self.given_weights is None:
+            return None
+        return np.array(self.given_weights) / sum(self.given_weights)
+
+    def quantile(self, share: FloatArray) -> FloatArray:
+        raise AssertionError("a choice is no continuum")
+
+
+DISTRIBUTIONS: dict[str, type[Parameter]] = {
+    "uniform": Uniform,
+    "log_uniform": LogUniform,
+    "normal": Normal,
+    "choice": Choice,
+}
+FORMS = "{ values = [...] }, { low = ..., high = ..., count = ... } or { distribution = ... }"
+
+
+def parameter_of(given: dict[str, Any]) -> Parameter | list[Fault]:
+    """The parameter that a table describes, or what is wrong with the table."""
+    kind = _kind_of(given)
+    if isinstance(kind, Fault):
+        return [kind]
+    try:
+        parameter = kind.model_validate(given)
+    except ValidationError as error:
+        return faults_of(error, kind)
+    return parameter if (fault := _mixed(parameter.values)) is None else [fault]
+
+
+def _kind_of(given: dict[str, Any]) -> type[Parameter] | Fault:
+    if "distribution" in given:
+        name = given["distribution"]
+        if isinstance(name, str) and name in DISTRIBUTIONS:
+            return DISTRIBUTIONS[name]
+        allowed = ", ".join(map(repr, DISTRIBUTIONS))
+        return Fault(key=("distribution",), got=repr(name), allowed=allowed)
+    if "values" in given:
+        return Listed
+    if "low" in given or "high" in given:
+        return Range
+    return Fault(problem="says no values", allowed=FORMS)
+
+
+def _mixed(values: tuple[Value, ...] | None) -> Fault | None:
+    """A column of the table of results has one type; and nothing is computed twice."""
+    if values is None:
+        return None
+    types = {str if isinstance(v, str) else bool if isinstance(v, bool) else float for v in values}
+    if len(types) > 1:
+        return Fault(
+            key=("values",),
+            got=_short(values),
+            allowed="values of one type: numbers, texts, or true and false",
+        )
+    if len(set(values)) < len(values):
+        hint = "leave out what is repeated; for repetitions give more seeds"
+        return Fault(key=("values",), got=_short(values), problem="a value twice", hint=hint)
+    return None
+
+
+def _short(values: tuple[Value, ...]) -> str:
+    text = ", ".join(map(repr, values))
+    return f"[{text}]" if len(text) < 60 else f"[{text[:56]}...]"
+
+
+def _ordered(low: float, high: float, positive: bool = False) -> None:
+    if positive and not low > 0:
+        raise ValueError(f"`low` is {low:g}; with equal ratios it has to be positive")
+    if not low < high:
+        raise ValueError(f"the range is empty: `low` is {low:g} and `high` {high:g}")
+    if not np.isfinite(float(high) - float(low)):
+        raise ValueError("the range is too long for floating-point numbers")
+
+
+def _log_uniform(low: float, high: float, share: FloatArray) -> FloatArray:
+    drawn = low * np.exp(np.log(high / low) * share)
+    return np.asarray(np.clip(drawn, low, high))
