@@ -157,7 +157,7 @@ def test_a_hitch_that_sticks_does_not_turn_and_the_others_do() -> None:
 
 
 def test_friction_takes_the_energy_of_trailers_behind_a_tractor_at_rest() -> None:
-    robot = train(3, coulomb_friction_n_m=2e-2)
+    robot = train(3, coulomb_friction_n_m=0.2)
     plant = AnalyticPlant(robot, 1, PERIOD, STEP)
     q = np.array([[0.0, 0.0, 0.0, 0.4, -0.3, 0.8]])
     plant.reset(RobotState(q=q, q_rate=np.array([[0.0, 0.0, 0.0, 2.0, -1.0, 3.0]])))

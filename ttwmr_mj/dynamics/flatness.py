@@ -80,7 +80,8 @@ def motion_from_flat(
     if pull is not None:
         pulled = np.moveaxis(np.broadcast_to(_complex(pull), given[..., 2:].shape), -1, 0)
     masses = lumped_masses(robot)
-    force, angles = np.zeros_like(position), []
+    force = np.zeros_like(position)
+    angles: list[FloatArray] = []
     for i in range(len(masses) - 1, -1, -1):
         bent = position[2:] if pulled is None else position[2:] - pulled[: len(position) - 2]
         # in units of the last mass, so that a lone trailer's force is F'' itself
@@ -140,6 +141,17 @@ def point_behind(q: FloatArray, distance_m: float, lean_rad: float = 0.0) -> Flo
     """
     along, _ = trailer_axes(q[..., THETA2] - lean_rad)
     return q[..., :2] - distance_m * along
+
+
+def trailer_point(
+    q: FloatArray, robot: RobotParameters, distance_m: float, lean_rad: float = 0.0, index: int = -1
+) -> FloatArray:
+    """(..., 2) the same of any trailer (−1: the last), at hitch − distance·t [m]."""
+    index = index % len(robot.trailers)
+    hitch = q[..., :2]
+    for i, trailer in enumerate(robot.trailers[:index]):
+        hitch = hitch - (trailer.next_hitch_offset_m or 0.0) * trailer_axes(q[..., THETA2 + i])[0]
+    return hitch - distance_m * trailer_axes(q[..., THETA2 + index] - lean_rad)[0]
 
 
 def velocity_behind(

@@ -81,7 +81,7 @@ class KineticPlant(EquationPlant):
         torque = np.clip(command, -limit, limit)
 
         def rate(_: float, state: FloatArray) -> FloatArray:
-            q, xi, _ = self._parts(state)
+            q, xi, _path = self._parts(state)
             change = acceleration(q, xi, torque, self._robot, self._ground)
             return np.concatenate([q_rate(q, xi), change, xi[:, :1]], axis=-1)
 
