@@ -2,7 +2,7 @@
 """Set everything up on a bare Debian and do one of the two main things.
 
     python3 bootstrap.py run    set up, then run the laboratory circle in contact physics
-    python3 bootstrap.py test   set up, then check style, types and imports and run all tests
+    python3 bootstrap.py test   set up, then check style, types and imports and run the quick tests
 
 Needs Python 3.11 or newer, and git to have got here. Everything goes into .venv beside this file;
 Debian packages (Python's venv, software OpenGL for camera frames) are installed where that is
@@ -32,7 +32,7 @@ TEST = [
     [str(BIN / "ruff"), "format", "--check", "."],
     [str(BIN / "mypy")],
     [str(BIN / "lint-imports")],
-    [str(BIN / "pytest"), "-n", "2"],
+    [str(BIN / "pytest"), "-n", "2", "-m", "not slow"],
 ]
 
 

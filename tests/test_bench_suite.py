@@ -8,13 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.bench.suite import AXES, SuiteRow, checked_scenarios, load_suite, rows_of
+from ttwmr_mj.studies.bench.suite import (
+    AXES,
+    SuiteRow,
+    checked_scenarios,
+    load_suite,
+    rows_of,
+    shipped_suites,
+)
 
-SHIPPED = [path.stem for path in sorted(sweeps_folder().glob("*.toml"))]
+SHIPPED = list(shipped_suites())
 STANDARD = rows_of(load_suite("standard"))
 ARTICLE = ["lyapunov", "lyapunov_tuned", "lyapunov_published", "lyapunov_pid"]
 

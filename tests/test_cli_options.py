@@ -44,8 +44,14 @@ SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
-    f"run a.toml {SHARED} --out o --force --quiet --save-frames --require lost --debug": RunCommand(
-        scenario="a.toml", save_frames=True, require="lost", debug=True, **OVERRIDES, **FOLDER
+    f"run a.toml {SHARED} --out o --force --quiet --save-frames --paper-plots --require lost --debug": RunCommand(
+        scenario="a.toml",
+        save_frames=True,
+        paper_plots=True,
+        require="lost",
+        debug=True,
+        **OVERRIDES,
+        **FOLDER,
     ),
     f"validate a.toml b.toml {SHARED} --debug": Validate(
         scenarios=("a.toml", "b.toml"), debug=True, **OVERRIDES
@@ -93,6 +99,7 @@ NOTHING = {
         "scenario": "a",
         "require": None,
         "save_frames": False,
+        "paper_plots": False,
         "overrides": (),
         "fragment": None,
         "seed": None,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import pkgutil
+import sys
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
@@ -24,6 +25,7 @@ def option(
     name: str | None = None,
     metavar: str | None = None,
     several: bool = False,
+    bare: str | None = None,
 ) -> Any:
     """A named option; a tuple may be given several times.
 
@@ -34,8 +36,9 @@ def option(
         name: as typed; None: the field's name as --field-name.
         metavar: placeholder for the value in the help.
         several: whether a tuple takes several values at once.
+        bare: the value where the option is typed without one; another is typed as --name=value.
     """
-    told = {"help": text, "name": name, "metavar": metavar, "several": several}
+    told = {"help": text, "name": name, "metavar": metavar, "several": several, "bare": bare}
     return field(default=default, metadata=told)
 
 
@@ -104,7 +107,7 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
     settings, required = _read(hint), entry.default is MISSING
     known = "" if required or not entry.default else f"; default: {entry.default}"
     if "name" in entry.metadata:
-        typed = entry.metadata["name"] or "--" + entry.name.replace("_", "-")
+        typed = _typed(entry)
         settings |= {"dest": entry.name, "required": required}
         if entry.metadata["metavar"]:
             settings["metavar"] = entry.metadata["metavar"]
@@ -131,9 +134,25 @@ def _read(hint: Any) -> dict[str, Any]:
     return {"type": inner[0] if isinstance(hint, UnionType) else hint}
 
 
+def _with_bare_values(words: Sequence[str]) -> list[str]:
+    """The words, with the values of options that were typed without one.
+
+    argparse would take the next word for it, be it another argument.
+    """
+    entries = [entry for kind in Subcommand.registry.values() for entry in fields(kind)]
+    bare = {_typed(e): e.metadata["bare"] for e in entries if e.metadata.get("bare")}
+    return [f"{word}={bare[word]}" if word in bare else word for word in words]
+
+
+def _typed(entry: Field[Any]) -> str:
+    """An option's name as the user types it."""
+    return str(entry.metadata["name"] or "--" + entry.name.replace("_", "-"))
+
+
 def parse(parser: argparse.ArgumentParser, words: Sequence[str] | None) -> Subcommand:
     """The subcommand that the words ask for; argparse leaves with exit code 2 on wrong ones."""
-    given = vars(parser.parse_args(words))
+    typed = _with_bare_values(sys.argv[1:] if words is None else words)
+    given = vars(parser.parse_args(typed))
     kind: type[Subcommand] = given.pop("kind")
     options: dict[str, Any] = {n: tuple(v) if isinstance(v, list) else v for n, v in given.items()}
     return kind(**options)

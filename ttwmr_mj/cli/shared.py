@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
+from ttwmr_mj.errors import InputError
 
 if TYPE_CHECKING:
+    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.runs.pace import Pace
     from ttwmr_mj.scenario.schema import Scenario
 
 SCENARIO = "a TOML file, or the name of a shipped scenario"
@@ -53,6 +57,44 @@ class Overrides(Subcommand):
         from ttwmr_mj.scenario.file import load_scenario
 
         return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragment)
+
+
+class Live(Quiet):
+    """Subcommands that can be looked at while they run."""
+
+    live: str | None = option(
+        "show it while it runs: in a window, or without a display in a browser; =web: in a "
+        "browser; =rerun+http://HOST:PORT/proxy: in a viewer that runs",
+        metavar="HOW",
+        bare="auto",
+    )
+    pace: float | None = option(
+        "simulated seconds per second, 0: as fast as it can; default: 1 with --live, else 0",
+        metavar="SPEED",
+    )
+
+    def make_pace(self) -> Pace:
+        """The pace the user wants."""
+        from ttwmr_mj.runs.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
+
+        speed = float(self.live is not None) if self.pace is None else self.pace
+        return Pace(speed, REPORT_EVERY_S if self.live is None else LIVE_REPORT_EVERY_S)
+
+    def check_recording(self, scenario: Scenario) -> None:
+        """What is shown is the recording.
+
+        Raises:
+            InputError: it shall be shown and is not made.
+        """
+        if self.live is not None and not scenario.output.recording:
+            problem = "what is shown is the recording, which output.recording switches off"
+            raise InputError.at("--live", problem, hint="set output.recording=true")
+
+    def live_view(self) -> AbstractContextManager[LiveView | None]:
+        """The viewer the user wants to look on with, if any."""
+        from ttwmr_mj.cli.viewing import viewing
+
+        return viewing(self.live)
 
 
 def warn(lines: list[str]) -> None:

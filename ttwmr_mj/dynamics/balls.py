@@ -64,7 +64,7 @@ def resisting_torque(
     theta2_rate: FloatArray,
     robot: RobotParameters,
     forces: Forces,
-    fading_m_s: float = FADING_M_S,
+    fading_m_s: Value = FADING_M_S,
 ) -> FloatArray:
     """(nsim,) torque about P [N·m] of what holds back the trailer's balls.
 
@@ -87,7 +87,7 @@ def torque_about_p(
     theta2_rate: FloatArray,
     robot: RobotParameters,
     forces: Forces,
-    fading_m_s: float = FADING_M_S,
+    fading_m_s: Value = FADING_M_S,
 ) -> FloatArray:
     """The same, of the velocity of the balls' middle along the trailer and to its left."""
     length, spacing = robot.trailer.com_offset_m, robot.casters.trailer_half_spacing_m
@@ -139,8 +139,9 @@ def train_drag(
 
 
 def direction(
-    x: FloatArray, y: FloatArray, fading_m_s: float = FADING_M_S
+    x: FloatArray, y: FloatArray, fading_m_s: Value = FADING_M_S
 ) -> tuple[FloatArray, FloatArray]:
     """Unit vector of a velocity, shorter where that is slow."""
-    size = np.sqrt(x**2 + y**2 + fading_m_s**2)
+    # not fading**2, which of a number is not always rounded as of an array
+    size = np.sqrt(x**2 + y**2 + fading_m_s * fading_m_s)
     return x / size, y / size

@@ -8,6 +8,8 @@ ORANGE, SKY, GREY = "#E69F00", "#56B4E9", "#777777"
 TRACTOR, TRAILER, HITCH = BLUE, PINK, ORANGE
 RIGHT, LEFT = BLUE, VERMILION
 REFERENCE: dict[str, Any] = {"color": INK, "linestyle": (0, (4, 2)), "linewidth": 1.0}
+# what was asked for: wide and pale below what happened, so that both are seen where they agree
+BAND: dict[str, Any] = {"color": "#F2C879", "linewidth": 4.0, "zorder": 1.5}
 
 SIZE_IN = (4.8, 3.0)
 PATHS_SIZE_IN = (4.8, 4.2)

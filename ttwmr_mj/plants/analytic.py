@@ -7,6 +7,7 @@ equation (`plants.swing` of one trailer, `plants.train_swing` of several).
 
 import numpy as np
 
+from ttwmr_mj.config import rows_of
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
@@ -52,6 +53,8 @@ class AnalyticPlant(ModelPlant):
     ) -> None:
         """Build the plant, at rest at the origin; the other arguments are those of its base.
 
+        Robot and ground may be those of every simulation (`config.stacked`), of one trailer each.
+
         The ground pulls at the trailers where it slopes. A published spring has its torque and the
         damper's divided by k, as printed in Eq. 41, and not by J2 + m2·l².
 
@@ -60,9 +63,13 @@ class AnalyticPlant(ModelPlant):
                 with several trailers.
         """
         self._robot = robot
-        self._slope = ground if ground.slope_rad else None
+        self._slope = ground if np.any(ground.slope_rad) else None
         self._swing = _swing(robot, ground, max_integration_step_s, published_spring)
-        _refuse_unstable_step(max_integration_step_s, self._swing.longest_step_s, robot)
+        longest_s = self._swing.longest_step_s
+        if max_integration_step_s > longest_s:
+            hitches = rows_of(robot, nsim)[0].hitches
+            stiffest = max(hitches, key=lambda h: (h.stiffness_n_m_rad, h.damping_n_m_s_rad))
+            raise _unstable(max_integration_step_s, longest_s, stiffest)
         timing = time_step_s, max_integration_step_s
         super().__init__(robot.servo, nsim, *timing, trailers=len(robot.trailers))
 
@@ -132,18 +139,15 @@ def _swing(
     return TrainSwing(robot, ground, step_s)
 
 
-def _refuse_unstable_step(step_s: float, longest_s: float, robot: RobotParameters) -> None:
-    if step_s > longest_s:
-        hitch = max(robot.hitches, key=lambda h: (h.stiffness_n_m_rad, h.damping_n_m_s_rad))
-        raise InputError.at(
-            "plant.analytic.max_step_s",
-            "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
-            f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
-            f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
-            got=f"{step_s:g}",
-            allowed=f"at most {longest_s:.3g}",
-            hint="lower it, or the spring's and damper's constants",
-        )
+def _unstable(step_s: float, longest_s: float, hitch: Hitch) -> InputError:
+    return InputError.at(
+        "plant.analytic.max_step_s",
+        "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad = "
+        f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
+        f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
+        got=f"{step_s:g}",
+        allowed=f"at most {longest_s:.3g}",
+        hint="lower it, or the spring's and damper's constants",
 
 
 def _total(parts: FloatArray) -> FloatArray:

@@ -47,6 +47,10 @@ class ContactPlant(Plant):
     A single run is a batch of one, so there is one code path; results are the same bits at any
     thread count and batch size. Robot, options and ground may be those of every simulation
     (`config.stacked`): each then runs on a compiled model of its own.
+
+    Attributes:
+        models: of each simulation, equal ones once.
+        model: the first of them; all have the same parts in the same places.
     """
 
     def __init__(
@@ -66,8 +70,8 @@ class ContactPlant(Plant):
         self.nsim = nsim
         self.time_step_s = options.timestep_s
         built = [rows_of(part, nsim) for part in (robot, options, ground)]
-        models = _compiled(list(zip(*built, strict=True)), torque_input=torque_input)
-        self.model = models[0]
+        self.models = _compiled(list(zip(*built, strict=True)), torque_input=torque_input)
+        self.model = self.models[0]
         self._joints = Joints(self.model)
         self._robot, self._torque_input = robot, torque_input
         drive = each(partial(Drive.of, torque_input=torque_input), robot.servo)
@@ -77,13 +81,14 @@ class ContactPlant(Plant):
         trailers = self._joints.trailers
         self._leans = any(np.any(trailer.com_lateral_m) for trailer in robot.trailers)
         threads = nthread or min(nsim, os.cpu_count() or 1)
-        self._settled_qpos = self._settle(models, threads)
+        self._settled_qpos = self._settle(self.models, threads)
         self._batch = batch.Batch(self.model, nsim, threads)
         self._own_models: list[mujoco.MjModel] = []
-        if any(model is not self.model for model in models):
+        if any(model is not self.model for model in self.models):
             # whose floor is written to as it drives needs a model of its own
-            self._own_models = [copy.copy(m) for m in models] if self._regions else models
-            self._batch.set_models(self._own_models)
+            own = [copy.copy(m) for m in self.models] if self._regions else self.models
+            self._batch.set_models(own)
+            self._own_models = own
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._sensordata = self._batch.bind("sensordata")
         self._control = self._batch.bind("ctrl")

@@ -12,10 +12,12 @@ constant, and dry friction that truly sticks.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.config import each
 from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
@@ -64,6 +66,37 @@ def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
     return np.asarray(start + times * (slope + times * bend))
 
 
+class _Constants(NamedTuple):
+    """What a robot's numbers are to its hitch; one each, or (nsim,)."""
+
+    stiffness: float  # [1/s²]
+    damping: float  # [1/s]
+    friction: float  # [rad/s²]
+    forces: Forces  # that hold back the balls [1/(m·s²)]
+    fading: float  # speed below which balls are held back by less [m/s]
+    longest_step_s: float
+
+    @classmethod
+    def of(
+        cls, robot: RobotParameters, ground: Ground, longest_s: float, *, published_spring: bool
+    ) -> _Constants:
+        """Arguments as of `HitchSwing`."""
+        law = published_spring_acceleration if published_spring else spring_damper_acceleration
+        one, zero = np.ones(()), np.zeros(())
+        stiffness, damping = -float(law(one, zero, robot)), -float(law(zero, one, robot))
+        inertia = robot.swing_inertia_kg_m2
+        friction = robot.hitch.coulomb_friction_n_m / inertia
+        forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
+        forces = Forces(*(f / inertia for f in forces))
+        # as soft as the step needs it, lest a ball that is nearly at rest chatter
+        slowing = float(forces.right + forces.left) * robot.trailer.com_offset_m**2  # of the balls
+        fading = max(FADING_M_S, slowing * longest_s)
+        linear = np.array([[0.0, 1.0], [-stiffness, -damping]])
+        fastest = float(np.abs(np.linalg.eigvals(linear)).max())
+        longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
+        return cls(stiffness, damping, friction, forces, fading, longest_step_s)
+
+
 class HitchSwing:
     """The hitch's equation of motion with its spring, damper and dry friction.
 
@@ -85,34 +118,27 @@ class HitchSwing:
         """Take the constants.
 
         Args:
-            robot: hitch, trailer and balls.
-            ground: its weight on the balls.
+            robot: hitch, trailer and balls; or those of every simulation (`config.stacked`).
+            ground: its weight on the balls; likewise.
             longest_s: step that will be taken.
             published_spring: divide torques by k as in Eq. 41.
         """
-        law = published_spring_acceleration if published_spring else spring_damper_acceleration
-        one, zero = np.ones(()), np.zeros(())
-        self._stiffness = -float(law(one, zero, robot))  # [1/s²]
-        self._damping = -float(law(zero, one, robot))  # [1/s]
-        self._friction = robot.hitch.coulomb_friction_n_m / robot.swing_inertia_kg_m2  # [rad/s²]
+        of = partial(_Constants.of, longest_s=longest_s, published_spring=published_spring)
+        constants = each(of, robot, ground)
+        self._stiffness, self._damping, self._friction, self._forces, self._fading, _ = constants
         self._robot = robot
-        forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
-        self._forces = Forces(*(f / robot.swing_inertia_kg_m2 for f in forces))  # [1/(m·s²)]
-        # as soft as the step needs it, lest a ball that is nearly at rest chatter
-        both = float(self._forces.right + self._forces.left)
-        slowing = both * robot.trailer.com_offset_m**2  # [m/s²] of the balls
-        self._fading = max(FADING_M_S, slowing * longest_s)
-        linear = np.array([[0.0, 1.0], [-self._stiffness, -self._damping]])
-        self.length_m, self.needs_twist = robot.swing_length_m, both > 0.0
-        fastest = float(np.abs(np.linalg.eigvals(linear)).max())
-        self.longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
+        self._sprung = bool(np.any(self._stiffness) or np.any(self._damping))
+        self._rubs = bool(np.any(self._friction))
+        self.length_m = robot.swing_length_m
+        self.needs_twist = bool(np.any(self._forces.right) or np.any(self._forces.left))
+        self.longest_step_s = float(np.min(constants.longest_step_s))
 
     def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
         """Hitch angle [rad] and rate [rad/s], (2, 1, nsim), after one stretch of time."""
         return self._step(state[:, 0], forcing)[:, None]
 
     def _step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
-        if not self._friction:
+        if not self._rubs:
             return self._glide(state, forcing, 0.0)
         state, stop = self._slide_or_stick(state, forcing)
         if np.any(stop < 1.0):
@@ -155,7 +181,7 @@ class HitchSwing:
         node = round(2.0 * share)
         ahead = forcing.ahead[min(node, len(forcing.ahead) - 1)]
         free = sideways(angle - self._robot.lean_rad, ahead, forcing.left[node])
-        if self._stiffness or self._damping:
+        if self._sprung:
             free = free - (self._stiffness * angle + self._damping * rate)
         if forcing.twist is not None:
             u1, u2 = forcing.twist[:, node]

@@ -30,6 +30,7 @@ def blueprint(
     floor_m: FloatArray,
     *,
     camera: bool = False,
+    paced: bool = False,
     signals: Iterable[str] = (),
     ranges: Mapping[str, Range] | None = None,
     times_s: Range | None = None,
@@ -41,6 +42,7 @@ def blueprint(
         reference: decides which errors exist and get a plot.
         floor_m: (2, 2) lower and upper corner of the floor, to be seen whole from above.
         camera: show the camera's picture and how well the robot is known.
+        paced: show where the run fell behind the clock.
         signals: names of what the control law logs, each with a plot in a tab of their own.
         ranges: plot → its smallest and largest value, where they are known.
         times_s: the first and the last time of the run, once they are known.
@@ -51,7 +53,7 @@ def blueprint(
         shown = [plot for plot in plots if plot not in none]
         views: list[rrb.View] = [_plot(plot, (ranges or {}).get(plot), times_s) for plot in shown]
         if title == STATES_TAB:
-            states = (*STATES, "tracker") if camera else tuple(STATES)
+            states = (*STATES, *["tracker"] * camera, *["pace"] * paced)
             views.append(layout.states_view(", ".join(states), states, times_s))
         if views:
             tabs.append(rrb.Grid(*views, grid_columns=COLUMNS.get(title, 1), name=title))

@@ -1,7 +1,9 @@
 """An .rrd file as the recorders write it: opened, streamed to, and closed whatever happens."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 from uuid import uuid4
 
 import rerun as rr
@@ -12,6 +14,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.layout import REPORT
 from ttwmr_mj.recording.words import drawable
 
+if TYPE_CHECKING:
+    from ttwmr_mj.recording.live import LiveView
+
 
 class RrdFile:
     """Base of what writes recordings; a context manager that closes the file on any way out.
@@ -20,12 +25,15 @@ class RrdFile:
         path: the .rrd file, overwritten; its folder exists.
         name: of the recording, as the viewer lists it.
         layout: what the viewer shows.
+        live: shows the file while it is written.
 
     Raises:
         InputError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, name: str, layout: rrb.Blueprint) -> None:
+    def __init__(
+        self, path: Path, name: str, layout: rrb.Blueprint, live: LiveView | None = None
+    ) -> None:
         rr.set_strict_mode(True)  # else wrong calls only warn
         self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
         self._stream.set_log_time_enabled(False)
@@ -34,6 +42,9 @@ class RrdFile:
         except RuntimeError as error:
             raise InputError(f"{path}: cannot be written as a recording: {error}") from error
         self._open = True
+        self._live = live
+        if live is not None:
+            live.follow(path)
         self._stream.send_recording_name(name)
 
     def close(self) -> None:
@@ -42,6 +53,8 @@ class RrdFile:
         self._stream.disconnect()
         # the stream's threads outlive it otherwise
         rerun_bindings.flush_and_cleanup_orphaned_recordings()
+        if self._live is not None:
+            self._live.finish()
 
     def __enter__(self) -> Self:
         return self

@@ -19,17 +19,21 @@ from ttwmr_mj.recording.layout import DETAILS
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
 from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene
+from ttwmr_mj.recording.series import StateLog
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
+    from ttwmr_mj.recording.live import LiveView
     from ttwmr_mj.vision.camera.labels import LabelLayout
     from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord
 
+PACE_LOOKS = {"kept": ("kept", style.IDLE), "behind": ("behind the clock", style.ALERT)}
 SHOW_EVERY = 3  # 10 pictures a second: encoding all 30 would take a fifth of the time of a run
 
 
@@ -47,6 +51,8 @@ class RunRecorder(RrdFile):
         name: of the recording, as the viewer lists it.
         summary_markdown: what is known before the run (scenario, seed, ...).
         camera: whether a camera's view will be added (`append_camera`).
+        paced: whether it will be said where the run fell behind (`append_pace`).
+        live: shows the run while it is recorded.
 
     Raises:
         InputError: the file cannot be created.
@@ -62,10 +68,12 @@ class RunRecorder(RrdFile):
         name: str,
         summary_markdown: str,
         camera: bool = False,
+        paced: bool = False,
+        live: LiveView | None = None,
     ) -> None:
         floor_m = floor_corners(reference)
-        self._layout = partial(blueprint, name, reference, floor_m, camera=camera)
-        super().__init__(path, name, self._layout())
+        self._layout = partial(blueprint, name, reference, floor_m, camera=camera, paced=paced)
+        super().__init__(path, name, self._layout(), live)
         self._robot = robot
         self._summary = summary_markdown
         self._signals: tuple[str, ...] = ()
@@ -77,6 +85,7 @@ class RunRecorder(RrdFile):
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
         self._camera: CameraView | None = None
+        self._pace = StateLog(self._stream, "pace", PACE_LOOKS) if paced else None
 
     def append(self, rows: Trajectory) -> None:
         """Record the next rows, in the order of time: a second of them, or a whole run at once.
@@ -101,6 +110,17 @@ class RunRecorder(RrdFile):
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
         self._stream.flush()
+
+    def append_pace(self, time_s: FloatArray, behind: Sequence[bool]) -> None:
+        """Record at which of the next samples a run that is held to the clock came too late.
+
+        Args:
+            time_s: (n,) of the samples.
+            behind: for each.
+        """
+        self._check_open()
+        assert self._pace is not None
+        self._pace.append(time_s, ["behind" if late else "kept" for late in behind])
 
     def append_camera(
         self, camera: CameraModel, layout: LabelLayout, records: Sequence[CameraRecord]
@@ -142,4 +162,4 @@ def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:
     entries += [key.TRACTOR, key.TRAILER]
     entries += [key.MISS] if reference is not None else []
     entries += [key.ESTIMATE] if camera else []
-    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm per N", style.FORCE, 1.6)]
+    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6)]

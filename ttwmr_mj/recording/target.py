@@ -5,9 +5,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.floor import BAND_HEIGHT_M, BORDER_HEIGHT_M, PLACE_HEIGHT_M, lift
-from ttwmr_mj.recording.outline import chassis, outline
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.recording.style import Colour
@@ -149,7 +149,9 @@ def miss_text(tractor_m: float, trailer_m: float) -> str:
 
 
 def distance(length_m: float) -> str:
-    """As a person reads it while it changes: 1.2 mm, 34 mm, 0.56 m."""
+    """As a person reads it while it changes: 45 µm, 1.2 mm, 34 mm, 1.56 m."""
+    if length_m < 1e-4:
+        return f"{1e6 * length_m:.0f} µm"
     if length_m < 0.01:
         return f"{1e3 * length_m:.1f} mm"
     return f"{1e3 * length_m:.0f} mm" if length_m < 1.0 else f"{length_m:.2f} m"

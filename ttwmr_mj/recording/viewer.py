@@ -1,10 +1,157 @@
-"""Open a recording in the Rerun viewer."""
+"""Rerun's viewer: a window, a page in a browser, or one that runs already; and what to show in it.
 
+Everything that listens for connections does so on loopback only.
+"""
+
+import importlib.util
+import os
+import socket
 import subprocess
-import sysconfig
+import sys
+from dataclasses import dataclass
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from ttwmr_mj.errors import InputError, MachineError
+
+LOOPBACK = "127.0.0.1"
+WEB_PORT, GRPC_PORT = 9090, 9876  # rerun's own; others where these are taken
+PROGRAMS = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
+# the oldest data go where there is more
+SERVER_MEMORY, WINDOW_MEMORY = "1GB", "2GB"
+WAYS = "auto, web, or the address of a viewer that runs, such as rerun+http://127.0.0.1:9876/proxy"
+NO_DISPLAY_HINT = "look at it in a browser (--web), or copy the file to a machine with a display"
+
+
+@dataclass(frozen=True, slots=True)
+class Viewer:
+    """A viewer and how it is started.
+
+    Attributes:
+        command: of the process, without what it shows.
+        page: address to open in a browser; empty where there is none to open.
+        web_port: where that page is served; None where none is.
+        stays: it is a window that outlives who opened it.
+    """
+
+    command: tuple[str, ...]
+    page: str = ""
+    web_port: int | None = None
+    stays: bool = False
+
+
+def choose_viewer(wish: str) -> Viewer:
+    """The viewer a user wants: "auto", "web", or the address of one that runs.
+
+    Raises:
+        InputError: it is none of these, or no viewer answers at the address.
+        MachineError: the viewer that comes with rerun-sdk is not installed.
+    """
+    if wish == "web" or (wish == "auto" and display() is None):
+        return web_viewer()
+    if wish == "auto":
+        return window()
+    return running_viewer(wish)
+
+
+def window() -> Viewer:
+    """Rerun's native viewer in a window of its own."""
+    limits = ("--memory-limit", WINDOW_MEMORY, "--hide-welcome-screen")
+    return Viewer((*_program(), *_at(free_port(GRPC_PORT)), *limits), stays=True)
+
+
+def web_viewer() -> Viewer:
+    """A server of Rerun's web viewer and of the data, both on loopback."""
+    web, data = free_port(WEB_PORT), free_port(GRPC_PORT)
+    options = ("--serve-web", "--web-viewer-port", str(web), "--server-memory-limit", SERVER_MEMORY)
+    page = f"http://{LOOPBACK}:{web}/?url=rerun%2Bhttp%3A%2F%2F{LOOPBACK}%3A{data}%2Fproxy"
+    return Viewer((*_program(), *_at(data), *options), page=page, web_port=web)
+
+
+def running_viewer(url: str) -> Viewer:
+    """Feeds a viewer that runs already, here or elsewhere.
+
+    Raises:
+        InputError: this is no such address, or nobody answers there.
+    """
+    parts = urlsplit(url)
+    try:
+        host, port = parts.hostname, parts.port
+    except ValueError:  # a port that is no number
+        host = port = None
+    if (
+        parts.scheme != "rerun+http"
+        or not host
+        or not port
+        or parts.path not in ("", "/", "/proxy")
+    ):
+        raise InputError.at("--live", got=repr(url), allowed=WAYS)
+    try:
+        socket.create_connection((host, port), timeout=5.0).close()
+        address = socket.gethostbyname(host)
+    except OSError as error:
+        hint = f"start one there: rerun --port {port}"
+        problem = f"no viewer answers: {error}"
+        raise InputError.at("--live", problem, got=repr(url), hint=hint) from error
+    return Viewer((*_program(), *_at(port, address)))
+
+
+def display() -> str | None:
+    """The display that windows would open on; None if there is none."""
+    if sys.platform in ("win32", "darwin"):
+        return sys.platform
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "/nonexistent")
+    wayland = os.environ.get("WAYLAND_DISPLAY", "")
+    if wayland and (Path(runtime) / wayland).exists():
+        return f"Wayland {wayland}"
+    x11 = os.environ.get("DISPLAY", "")
+    host, _, number = x11.rpartition(":")
+    number = number.partition(".")[0]
+    if not number.isdigit():
+        return None
+    if host in ("", "unix"):
+        return f"X11 {x11}" if Path(f"/tmp/.X11-unix/X{number}").exists() else None
+    return f"X11 {x11}" if listens(6000 + int(number), host) else None
+
+
+def free_port(wanted: int) -> int:
+    """This port of loopback if nobody has it, else any free one."""
+    for port in (wanted, 0):
+        with socket.socket() as probe:
+            try:
+                probe.bind((LOOPBACK, port))
+            except OSError:
+                continue
+            return int(probe.getsockname()[1])
+    raise MachineError("no free port on loopback")
+
+
+def listens(port: int, host: str = LOOPBACK) -> bool:
+    """Whether someone answers at this port."""
+    try:
+        socket.create_connection((host, port), timeout=2.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def _at(port: int, address: str = LOOPBACK) -> tuple[str, ...]:
+    return ("--bind", address, "--port", str(port))
+
+
+def _program() -> tuple[str, ...]:
+    """The viewer that comes with rerun-sdk.
+
+    Raises:
+        MachineError: it is not installed.
+    """
+    # the program itself: the script of that name would be a parent that does not pass signals on
+    package = importlib.util.find_spec("rerun_cli")
+    folder = Path(package.origin).parent if package and package.origin else Path()
+    found = [folder / name for name in PROGRAMS if (folder / name).is_file()]
+    if not found:
+        raise MachineError("no Rerun viewer here; reinstall it: pip install rerun-sdk")
+    return (str(found[0]),)
 
 
 def find_recording(given: Path | None) -> Path:
@@ -28,15 +175,14 @@ def find_recording(given: Path | None) -> Path:
     return given
 
 
-def open_viewer(given: Path | None) -> int:
-    """Show the recording and wait until the viewer is closed; returns its exit code.
+def open_window(given: Path | None) -> int:
+    """Show the recording in a window and wait until it is closed; returns the exit code.
 
     Raises:
         InputError: there is no such recording.
-        MachineError: the viewer that comes with rerun-sdk is not installed.
+        MachineError: there is no viewer, or no display to open it on.
     """
     recording = find_recording(given)
-    viewer = Path(sysconfig.get_path("scripts")) / "rerun"
-    if not viewer.is_file():
-        raise MachineError(f"no Rerun viewer at {viewer}; reinstall it: pip install rerun-sdk")
-    return subprocess.run([str(viewer), str(recording)], check=False).returncode
+    if display() is None:
+        raise MachineError(f"no display to show {recording} on; {NO_DISPLAY_HINT}")
+    return subprocess.run([*window().command, str(recording)], check=False).returncode

@@ -46,6 +46,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
     ),
     "followed": ("followed", "all limits were kept"),
 }
+SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
 FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
 MISSING_TRAILER = "the reference says nothing of the trailer"

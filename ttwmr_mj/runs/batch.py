@@ -2,6 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Hashable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -80,9 +81,12 @@ def _run_together(scenarios: list[Scenario], folder: Path, nthread: int) -> list
 
 def _result(simulations: Simulations, loop: Loop, index: int) -> Result:
     scenario, length = simulations.scenarios[index], loop.lengths[index]
+    rows = loop.rows.simulation(index).rows(0, length)
+    if np.isnan(rows.wheel_command_rad_s[0]).all():  # it ended before its law logged anything
+        rows = replace(rows, signals={})
     return Result(
         scenario=scenario,
-        trajectory=loop.rows.simulation(index).rows(0, length),
+        trajectory=rows,
         outcomes=(loop.ends[index],),
         wall_time_s={part: s / simulations.nsim for part, s in loop.watch.parts.items()},
         control_time_s=np.array(loop.control_time_s[:length]) / simulations.nsim,

@@ -79,11 +79,15 @@ def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
 
 
 def _of_equations(scenario: Scenario, nsim: int) -> Plant:
-    """The plant made of equations; one per robot, where simulations have different ones."""
+    """The plant made of equations."""
+    if not scenario.control.torque_input and len(scenario.robot.trailers) == 1:
+        return _equations(scenario, nsim)
+    # how long the kinetic model's steps may be, its robot's numbers say: one plant for each robot;
+    # nor do trains take the numbers of several
     rows = rows_of(scenario, nsim)
     who = defaultdict[tuple[Any, ...], list[int]](list)
     for i, row in enumerate(rows):
-        who[row.robot, row.ground, row.plant.analytic].append(i)
+        who[row.robot, row.ground].append(i)
     parts = [(_equations(rows[i[0]], len(i)), np.array(i)) for i in who.values()]
     return parts[0][0] if len(parts) == 1 else SideBySide(parts)
 

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.loop import Outcome, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
@@ -59,7 +61,13 @@ class Result:
 class Experiment:
     """One scenario made ready to run, once or several times side by side."""
 
-    def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: Path | None = None,
+        nsim: int = 1,
+        controller: Controller | None = None,
+    ) -> None:
         """Build it.
 
         Args:
@@ -67,12 +75,15 @@ class Experiment:
             folder: where a custom controller is looked for first.
             nsim: simulations in the batch; the first is as if alone, the others differ from it by
                 what is random.
+            controller: drives instead of the scenario's own.
 
         Raises:
             InputError: it cannot be built.
         """
         self.scenario = scenario
-        self._simulations = Simulations([scenario] * nsim, folder or Path(), draws=range(nsim))
+        self._simulations = Simulations(
+            [scenario] * nsim, folder or Path(), draws=range(nsim), controller=controller
+        )
 
     @property
     def nsim(self) -> int:
@@ -99,6 +110,7 @@ class Experiment:
         report: Report | None = None,
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
+        pace: Pace | None = None,
     ) -> Result:
         """Run from the initial state to the end, or until it fails.
 
@@ -106,11 +118,12 @@ class Experiment:
             report: called with the rows that are new, every now and then and at the end.
             initial: where every simulation starts; None: where the scenario says, all of them.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
+            pace: how fast; None: as fast as it can.
 
         Raises:
             InputError: the controller cannot start.
         """
-        loop = self._simulations.run(report, initial, pushes)
+        loop = self._simulations.run(report, initial, pushes, pace)
         return Result(
             scenario=self.scenario,
             trajectory=loop.rows.rows(0, loop.done),

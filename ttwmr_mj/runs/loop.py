@@ -12,6 +12,7 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.laws import Broken, Laws
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.schema import Scenario
@@ -21,7 +22,6 @@ from ttwmr_mj.state import BoolArray, RobotState
 Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
-REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,16 +52,16 @@ class Loop:
         laws: not yet started.
         rows: blank but for times and reference; filled in place. Without room for joints and
             contacts, these are not read.
-        report: called with the rows that are new, at most every REPORT_EVERY_S of wall time, and
-            once with the last ones.
+        report: called with the rows that are new, now and then and once with the last ones.
         actuation: the commands' way to the plant.
         pushes: what disturbs it.
+        pace: how fast it goes, how often it reports, and whether it goes on.
         ends: how simulations ended, as far as they have.
         lengths: rows of simulations that ended early.
         together: simulations that ended early because a law broke that drove several.
         done: rows filled so far.
         control_time_s: wall time of every command, the whole batch's.
-        watch: wall time by part: "plant", "sensing", "controller", "loop", "report".
+        watch: wall time by part: "plant", "sensing", "controller", "loop", "report", "pace".
     """
 
     scenario: Scenario
@@ -72,6 +72,7 @@ class Loop:
     report: Report | None
     actuation: Actuation
     pushes: tuple[Push, ...]
+    pace: Pace = field(default_factory=Pace)
     ends: dict[int, Outcome] = field(default_factory=dict)
     lengths: dict[int, int] = field(default_factory=dict)
     together: set[int] = field(default_factory=set)
@@ -93,6 +94,8 @@ class Loop:
         self.laws.deadline.arm()
         try:
             for k in range(self.scenario.periods + 1):
+                if not self._hold(k * period):
+                    break
                 truth = self._look(k)
                 if len(self.ends) == self.plant.nsim:
                     break
@@ -110,7 +113,14 @@ class Loop:
         if self.report:
             self.report(self.rows.rows(self._reported, self.done))
         self.watch.lap("report")
-        self._end_all(Outcome("ok", "", self.scenario.periods * period))
+        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
+
+    def _hold(self, time_s: float) -> bool:
+        """Keep the pace; whether the run goes on."""
+        self.watch.lap("loop")
+        goes_on = self.pace.hold(time_s)
+        self.watch.lap("pace")
+        return goes_on
 
     def _look(self, k: int) -> RobotState:
         """Record the truth at sample k, and who has ended; returns what sensors may see of it."""
@@ -180,7 +190,7 @@ class Loop:
             torque = command.wheel_torque_n_m if scenario.control.torque_input else None
             self.actuation.drive(plant, command.wheel_speed_rad_s if torque is None else torque)
         now = self.watch.lap("plant")
-        if self.report and now - self._last_report_s > REPORT_EVERY_S:
+        if self.report and now - self._last_report_s > self.pace.report_every_s:
             self.report(self.rows.rows(self._reported, self.done))
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 

@@ -78,8 +78,14 @@ def what_ran(scenario: Scenario) -> str:
     return f"{scenario.plant.kind} · {scenario.controller.kind} · {seen} · seed {scenario.seed}"
 
 
-def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
-    """How it ended and what it was, for the recording's text panel."""
+def result_text(scenario: Scenario, metrics: dict[str, Any], pace: str = "") -> str:
+    """How it ended and what it was, for the recording's text panel.
+
+    Args:
+        scenario: what was run.
+        metrics: as in metrics.json.
+        pace: how the pace was kept, if there was one to keep.
+    """
     verdict, number = VERDICTS[metrics["verdict"]][0], headline_words(metrics)
     lines = [
         f"# {verdict[0].upper()}{verdict[1:]}",
@@ -87,8 +93,16 @@ def result_text(scenario: Scenario, metrics: dict[str, Any]) -> str:
         metrics["verdict_reason"],
         scenario.description,
         what_ran(scenario),
+        pace,
     ]
     return "\n\n".join(filter(None, lines))
+
+
+def figure_title(scenario: Scenario, metrics: dict[str, Any]) -> list[str]:
+    """Name and verdict, what ran, and the headline, for the run's figure."""
+    verdict = VERDICTS[metrics["verdict"]][0]
+    lines = [f"{scenario.name}: {verdict}", what_ran(scenario), headline_words(metrics)]
+    return list(filter(None, lines))
 
 
 def details_text(metrics: dict[str, Any]) -> str:

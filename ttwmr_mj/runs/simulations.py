@@ -18,6 +18,7 @@ from ttwmr_mj.runs import build
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.laws import Laws, Part
 from ttwmr_mj.runs.loop import Loop, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
@@ -43,6 +44,7 @@ class Simulations:
         *,
         draws: Sequence[int] | None = None,
         nthread: int = 0,
+        controller: Controller | None = None,
     ) -> None:
         """Build it.
 
@@ -52,6 +54,7 @@ class Simulations:
             draws: which of its seed's random numbers each gets: 0 those of a run alone, 1 others,
                 and so on; None: 0.
             nthread: threads of contact physics; 0: one per processor.
+            controller: drives all of them instead of the scenarios' own.
 
         Raises:
             InputError: they cannot be built.
@@ -63,7 +66,8 @@ class Simulations:
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
         self.sensor: Sensor | None = None
         self._told = _once(build.believed_reference, self.scenarios, _told_by)
-        self._laws = self._grouped_laws()
+        own = self._grouped_laws()
+        self._laws = [(controller, [*range(self.nsim)])] if controller else own
 
     @property
     def nsim(self) -> int:
@@ -75,6 +79,7 @@ class Simulations:
         report: Report | None = None,
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
+        pace: Pace | None = None,
         *,
         drawable: bool = True,
     ) -> Loop:
@@ -84,6 +89,7 @@ class Simulations:
             report: called with the rows that are new, every now and then and at the end.
             initial: where every simulation starts; None: where its scenario says.
             pushes: on each simulation; None: what the scenarios say, drawn by their seeds.
+            pace: how fast; None: as fast as it can.
             drawable: keep joints and contacts, which only drawings need.
 
         Returns:
@@ -113,6 +119,7 @@ class Simulations:
             report,
             Actuation(control, one.steps_per_period, commands),
             self._pushes() if pushes is None else pushes,
+            pace or Pace(),
         )
         loop.run()
         return loop

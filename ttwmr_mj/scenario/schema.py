@@ -169,8 +169,8 @@ class ControlOptions(Config):
         gt=0,
         le=3600,
         description="CPU time after which a command times out and the run ends as failed; "
-        "a law that plans may take a second, several on a busy machine. The limit in wall time is 15 times as long, for a "
-        "controller that waits",
+        "a law that plans may take a second, several on a busy machine. "
+        "The limit in wall time is 15 times as long, for a controller that waits",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
@@ -215,7 +215,14 @@ class OutputOptions(Config):
     """Which files a run writes in addition to its numbers."""
 
     recording: bool = Field(default=True, description="write run.rrd for the Rerun viewer")
-    figures: bool = Field(default=True, description="write figures/*.png and *.svg")
+    figures: bool = Field(
+        default=True,
+        description="write summary.png, .svg and .pdf, the run in one figure; compare: figures/",
+    )
+    paper_plots: bool = Field(
+        default=False,
+        description="write figures/*.png and *.svg: the article's plots, one quantity each",
+    )
     save_frames: bool = Field(
         default=False, description="write frames/: the camera's images with COCO annotations"
     )

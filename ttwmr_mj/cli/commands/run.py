@@ -3,14 +3,15 @@
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, warn
+from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line, warn
 from ttwmr_mj.errors import InputError, RunError
 
 if TYPE_CHECKING:
     from ttwmr_mj.runs import execute
+    from ttwmr_mj.scenario.schema import Scenario
 
 
-class RunCommand(Overrides, NewFolder, name="run"):
+class RunCommand(Overrides, NewFolder, Live, name="run"):
     """Run a scenario and leave a run folder."""
 
     scenario: str = argument(SCENARIO)
@@ -18,6 +19,7 @@ class RunCommand(Overrides, NewFolder, name="run"):
         "exit with 1 unless the run gets this verdict, such as followed", metavar="VERDICT"
     )
     save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
+    paper_plots: bool = option("also draw the article's plots, one quantity each, into figures/")
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
@@ -26,26 +28,36 @@ class RunCommand(Overrides, NewFolder, name="run"):
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()
-        wishes = ["output.save_frames=true"] if self.save_frames else []
+        wished = {"save_frames": self.save_frames, "paper_plots": self.paper_plots}
+        wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
         if not self.quiet:
             warn(warnings(scenario))
+        pace = self.make_pace()
+        self.check_recording(scenario)
         folder = self.open_folder(scenario.name, scenario.seed)
-        with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
-            done = run_scenario(
-                scenario,
-                folder,
-                scenario_folder=find_scenario(self.scenario).parent,
-                command_line=command_line(),
-                progress=progress,
-            )
+        with self.live_view() as live:
+            with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
+                done = run_scenario(
+                    scenario,
+                    folder,
+                    scenario_folder=find_scenario(self.scenario).parent,
+                    command_line=command_line(),
+                    progress=progress,
+                    live=live,
+                    pace=pace,
+                )
+            return self._tell(scenario, done)
+
+    def _tell(self, scenario: "Scenario", done: "execute.Run") -> int:
+        """Say how it ended."""
         met = done.metrics["verdict"] == self.require
         if done.outcome.status != "ok" and not met:
             if self.debug and done.outcome.cause:
                 raise done.outcome.cause
             raise RunError(
                 f"{scenario.name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
-                f"{done.outcome.reason}; what was recorded is in {folder}"
+                f"{done.outcome.reason}; what was recorded is in {done.folder}"
             )
         if not self.quiet:
             _print_run(done)
@@ -73,4 +85,6 @@ def _print_run(run: "execute.Run") -> None:
     rows = results(run.metrics) | {"real-time factor": f"{run.metrics['real_time_factor']:.3g}"}
     for label, value in rows.items():
         print(f"{label:38s} {value}")
+    if run.pace:
+        print(f"{'pace':38s} {run.pace}")
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

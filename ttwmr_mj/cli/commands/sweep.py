@@ -61,7 +61,9 @@ class Sweep(Quiet, name="sweep"):
                 return 0
             folder = self._folder(plan)
             self._open(plan, folder)
-        self._fill(plan, folder, part)
+        complete = self._fill(plan, folder, part)
+        if wish and not complete:
+            raise RunError("rows are recorded once all are there; join the parts first")
         if wish:
             self._record(plan, folder, wish)
         return 0
@@ -124,17 +126,24 @@ class Sweep(Quiet, name="sweep"):
         """The plan of folders that were joined in one."""
         from ttwmr_mj.studies.sweep.folder.merge import merge
         from ttwmr_mj.studies.sweep.folder.plan_file import refuse_foreign
+        from ttwmr_mj.studies.sweep.folder.shards import rows_done
 
         if self.out is None:
             raise InputError.at(
                 "--merge", "--out is missing", hint="name the folder to join them in"
             )
         refuse_foreign(self.out)
-        return merge(tuple(map(Path, self.merge)), self.out), self.out
+        plan = merge(tuple(map(Path, self.merge)), self.out)
+        if missing := int((~rows_done(self.out, plan)).sum()):
+            raise RunError(
+                f"joined in {self.out}, where {missing} of {plan.rows} rows are missing; "
+                f"ttwmr sweep with --out {self.out} and without --shard computes them"
+            )
+        return plan, self.out
 
-    def _fill(self, plan: Plan, folder: Path, part: Part) -> None:
-        """Compute what is missing; say what there is."""
-        from ttwmr_mj.studies.sweep.execute import fill
+    def _fill(self, plan: Plan, folder: Path, part: Part) -> bool:
+        """Compute what is missing; say what there is, and whether it is all."""
+        from ttwmr_mj.studies.sweep.execute import fill, report
         from ttwmr_mj.studies.sweep.progress import sweep_progress
 
         start, stop = part.rows(plan)
@@ -143,6 +152,8 @@ class Sweep(Quiet, name="sweep"):
                 complete = fill(
                     plan, folder, self._compute(), part=part, chunk=self.chunk, told=told
                 )
+                if complete:
+                    report(folder)
         except KeyboardInterrupt:
             again = shlex.join(command_line())
             raise RunError(
@@ -150,8 +161,13 @@ class Sweep(Quiet, name="sweep"):
             ) from None
         if not self.quiet:
             print(self._told(plan, folder, part, complete))
+        return complete
 
     def _compute(self) -> Compute:
+        if self.scheduler:
+            from ttwmr_mj.studies.sweep.cluster import on_cluster
+
+            return on_cluster(self.scheduler)
         from ttwmr_mj.studies.sweep.compute import in_processes
 
         return in_processes(self.workers)

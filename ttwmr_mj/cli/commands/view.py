@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from ttwmr_mj.cli.engine import Subcommand, argument
+from ttwmr_mj.cli.engine import Subcommand, argument, option
 
 
 class View(Subcommand, name="view"):
@@ -11,8 +11,19 @@ class View(Subcommand, name="view"):
     recording: Path | None = argument(
         "a run folder or an .rrd file; default: the newest under results/"
     )
+    web: bool = option("serve it to a browser on this machine, until Ctrl-C")
 
     def __call__(self) -> int:
-        from ttwmr_mj.recording.viewer import open_viewer
+        from ttwmr_mj.recording.viewer import find_recording, open_window, web_viewer
 
-        return open_viewer(self.recording)
+        if not self.web:
+            return open_window(self.recording)
+        from ttwmr_mj.recording.live import LiveView
+
+        recording = find_recording(self.recording)
+        with LiveView(web_viewer()) as served:
+            served.follow(recording)
+            print(f"{recording} is at {served.viewer.page} until Ctrl-C", flush=True)
+            served.finish()
+            served.linger()
+        return 0

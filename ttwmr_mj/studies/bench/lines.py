@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from ttwmr_mj.results.accept import VerdictName
 from ttwmr_mj.results.metrics import Metrics
-from ttwmr_mj.results.verdict import VERDICTS
+from ttwmr_mj.results.verdict import SUCCESSES, VERDICTS
 from ttwmr_mj.studies.bench.evidence import Outcome, Statistic, better
 from ttwmr_mj.studies.bench.suite import AXES
 
@@ -42,7 +42,6 @@ COLUMNS = {
     "control, µs": Column(("control_time_per_sample_us",)),
 }
 RANKED_BY = "error, mm"
-SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 
 
 @dataclass(frozen=True, slots=True)

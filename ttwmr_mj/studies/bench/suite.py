@@ -24,7 +24,7 @@ import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field, ValidationError
 
@@ -144,7 +144,9 @@ def load_suite(name_or_path: str) -> Suite:
     """
     path = _find(name_or_path)
     try:
-        suite = Suite.model_validate(tomllib.loads(path.read_text(encoding="utf-8")))
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+        _refuse_sweep(data, path, name_or_path)
+        suite = Suite.model_validate(data)
         faults = _faults(suite)
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         fault = Fault(problem=f"cannot be read as TOML: {error}")
@@ -157,18 +159,36 @@ def load_suite(name_or_path: str) -> Suite:
     return suite.model_copy(update={"task": tasks})
 
 
+def is_suite(data: dict[str, Any]) -> bool:
+    """Whether a TOML file names controllers or tasks; beside suites lie files of `ttwmr sweep`."""
+    return "controller" in data or "task" in data
+
+
+def _refuse_sweep(data: dict[str, Any], path: Path, name: str) -> None:
+    if "scenario" in data and not is_suite(data):
+        fault = Fault(problem="this is a sweep, not a suite", hint=f"ttwmr sweep {name}")
+        raise InputError(fault, file=str(path))
+
+
+def shipped_suites() -> dict[str, Path]:
+    """Name of every shipped suite and its file."""
+    paths = sorted(sweeps_folder().glob("*.toml"))
+    return {path.stem: path for path in paths if is_suite(tomllib.loads(path.read_text("utf-8")))}
+
+
 def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if path.is_file():
         return path
     shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
     if name_or_path not in shipped:
-        hint = suggestion(name_or_path, list(shipped))
+        suites = list(shipped_suites())
+        hint = suggestion(name_or_path, suites)
         raise InputError(
             Fault(
                 key=(name_or_path,),
                 problem=f"no such suite file, and no shipped suite of that name{hint}",
-                allowed=f"a TOML file, or shipped: {', '.join(shipped)}",
+                allowed=f"a TOML file, or shipped: {', '.join(suites)}",
             )
         )
     return shipped[name_or_path]

@@ -8,7 +8,7 @@ import hashlib
 import platform
 import sys
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -28,17 +28,20 @@ ENTRY = f"{NAME}.runs.execute"
 PLANTS = ("contact", "analytic")  # each in a module of its name
 
 
-def made_of_run(scenario: Scenario, folder: Path | None = None) -> Ingredients:
+def made_of_run(
+    scenario: Scenario, folder: Path | None = None, entries: Sequence[str] = (ENTRY,)
+) -> Ingredients:
     """What a run is made of, as plain data.
 
     Args:
         scenario: resolved.
         folder: where a custom controller is looked for first; None: here.
+        entries: modules that run it.
     """
     return {
         "scenario": scenario.model_dump(mode="json"),
         "data": {shown_path(path): _digest(path) for path in sorted(set(data_files(scenario)))},
-        "code": _code_of_run(scenario, folder or Path()),
+        "code": _code_of_run(scenario, folder or Path(), entries),
         "libraries": _libraries(LIBRARIES),
     }
 
@@ -108,8 +111,8 @@ def _scene_files(path: Path) -> Iterator[Path]:
             yield from _scene_files(file) if element.tag == "include" else [file]
 
 
-def _code_of_run(scenario: Scenario, folder: Path) -> dict[str, str]:
-    entries = [ENTRY, *_chosen(scenario)]
+def _code_of_run(scenario: Scenario, folder: Path, runners: Sequence[str]) -> dict[str, str]:
+    entries = [*runners, *_chosen(scenario)]
     if isinstance(scenario.controller, CustomOptions):
         entries.append(scenario.controller.target.partition(":")[0])
     own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)

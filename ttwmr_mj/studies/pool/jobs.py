@@ -12,6 +12,7 @@ import os
 import signal
 import sys
 import tempfile
+import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
@@ -170,10 +171,19 @@ class _Process:
         return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
 
 
+def _leave_with_the_caller() -> None:
+    """Nobody would hear the answer of a process whose caller was killed."""
+    caller = multiprocessing.parent_process()
+    if caller is not None:
+        caller.join()
+        os._exit(1)
+
+
 def _work(job: Job, answer: Connection, log: Path) -> None:
     """In the process: do the job, answer with what came of it."""
     if hasattr(os, "setsid"):
         os.setsid()
+    threading.Thread(target=_leave_with_the_caller, daemon=True).start()
     with log.open("wb") as file:  # what a law prints is not for the terminal
         for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):
             os.dup2(file.fileno(), stream.fileno() if stream else usual)

@@ -23,7 +23,6 @@ from ttwmr_mj.studies.sweep.folder.shards import to_bytes
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
-ROW_TIMEOUT_S = 600.0  # of wall time for each row of a chunk; a law has its own, shorter limit
 MODULES = (*PRELOAD, "ttwmr_mj.studies.sweep.compute")
 
 
@@ -77,7 +76,7 @@ def in_processes(workers: int | None) -> Compute:
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
         # each process fills one processor by itself; the server of processes passes this on
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-        jobs = (Job("chunk", shard_of, (plan, rows), ROW_TIMEOUT_S * len(rows)) for rows in chunks)
+        jobs = (Job("chunk", shard_of, (plan, rows), plan.timeout_s * len(rows)) for rows in chunks)
         with closing(run_jobs(jobs, workers=workers, preload=MODULES)) as events:
             for event in events:
                 yield _outcome(event)
@@ -105,7 +104,9 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
     return Computed(rows, result)
 
 
-def computed_shards(plan: Plan, chunks: Iterable[IntArray], compute: Compute) -> Iterator[Computed]:
+def computed_shards(
+    plan: Plan, chunks: Iterable[IntArray], compute: Compute
+) -> Generator[Computed, None, None]:
     """Every chunk's shard, in the order in which they are done; what breaks is halved."""
     halves: deque[IntArray] = deque()
     waiting = iter(chunks)

@@ -14,8 +14,8 @@ import pyarrow as pa
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.execute import repeatable_metrics
-from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import shown_path
@@ -70,8 +70,7 @@ def table_of(plan: Plan, numbers: IntArray) -> pa.Table:
             sound.append((row, plan.scenario_of(row)))
         except InputError as error:  # of a plan too large to be checked whole
             records[row.row] = _refused(row, None, error)
-    for group in _groups(sound):
-        records |= {record["row"]: record for record in _run_group(group, plan.beside)}
+    records |= {record["row"]: record for record in _run(sound, plan.beside)}
     columns = schema_of(plan)
     return pa.Table.from_pylist([_typed(records[row.row], columns) for row in rows], columns)
 
@@ -82,40 +81,22 @@ def _typed(record: Record, columns: pa.Schema) -> Record:
     return {k: float(v) if k in floats and v is not None else v for k, v in record.items()}
 
 
-def _groups(rows: list[tuple[Row, Scenario]]) -> Iterator[list[tuple[Row, Scenario]]]:
-    """Rows that can be simulations of one batch."""
-    groups: dict[Any, list[tuple[Row, Scenario]]] = {}
-    for row, scenario in rows:
-        groups.setdefault(batch_key(scenario), []).append((row, scenario))
-    yield from groups.values()
-
-
-def _run_group(group: list[tuple[Row, Scenario]], folder: Path) -> Iterator[Record]:
-    """Run a batch; if it is refused, each of its rows alone, so that the others are kept."""
+def _run(rows: list[tuple[Row, Scenario]], folder: Path) -> Iterator[Record]:
+    """Run rows in batches; if some are refused, halves of them, so that the others are kept."""
     try:
-        results = run_batch([scenario for _, scenario in group], folder)
+        results = run_batch([scenario for _, scenario in rows], folder, nthread=1)
     except InputError as error:
-        if len(group) == 1:
-            yield _refused(*group[0], error)
+        if len(rows) == 1:
+            yield _refused(*rows[0], error)
             return
-        for one in group:
-            yield from _run_group([one], folder)
+        middle = len(rows) // 2
+        yield from _run(rows[:middle], folder)
+        yield from _run(rows[middle:], folder)
         return
-    for (row, scenario), result in zip(group, results, strict=True):
+    for (row, scenario), result in zip(rows, results, strict=True):
         found = repeatable_metrics(result, scenario)
-        verdict = {"reason": found["reason"] or found["verdict_reason"]}
-        del found["verdict_reason"]
-        yield _identity(row, scenario) | found | verdict
-
-
-def run_batch(scenarios: list[Scenario], folder: Path) -> list[Result]:
-    """Run them."""
-    return [Experiment(scenario, folder).run() for scenario in scenarios]
-
-
-def batch_key(scenario: Scenario) -> object:
-    """Equal for scenarios that run in one batch."""
-    return scenario.sensing.kind
+        found["reason"] = found["reason"] or found.pop("verdict_reason")
+        yield _identity(row, scenario) | {k: v for k, v in found.items() if k != "verdict_reason"}
 
 
 def _refused(row: Row, scenario: Scenario | None, error: InputError) -> Record:

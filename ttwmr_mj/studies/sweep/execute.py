@@ -14,13 +14,13 @@ from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
 from ttwmr_mj.studies.sweep.folder.lock import locked
 from ttwmr_mj.studies.sweep.folder.part import Part
-from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
+from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 BATCH = 256  # simulations at once: more are hardly faster, and lose more when they are killed
-CAMERA_BATCH = 4  # frames are rendered one by one
+ALONE = 4  # runs that share no batch: with a camera, or a law of the user's
 
 Told = Callable[[int, int], None]
 """Hears how many rows are done, and how many of them failed."""
@@ -61,8 +61,17 @@ def fill(
         if rows_done(folder, plan).all():
             if not (folder / RESULTS_FILE).is_file():
                 assemble(folder, plan)
+                (folder / REPORT_FILE).unlink(missing_ok=True)
             return True
     return False
+
+
+def report(folder: Path) -> None:
+    """Write the report on a complete table, unless it is there."""
+    if not (folder / REPORT_FILE).is_file():
+        from ttwmr_mj.studies.sweep.answers.report import write_report
+
+        write_report(folder)
 
 
 def _fill(
@@ -101,12 +110,13 @@ def _chunks(rows: IntArray, size: int) -> Iterator[IntArray]:
 
 def chunk_size(plan: Plan, rows: int, processes: int = 8) -> int:
     """Rows in a shard: a batch for each variant, but several chunks for each process."""
-    batch = CAMERA_BATCH if _sees(plan) else BATCH
+    batch = ALONE if _alone(plan) else BATCH
     return max(1, min(batch * len(plan.variant_names), -(-rows // processes)))
 
 
-def _sees(plan: Plan) -> bool:
-    """Whether any row is run by camera."""
+def _alone(plan: Plan) -> bool:
+    """Whether runs of some variant share no batch."""
     first = plan.rows_at(np.arange(min(plan.rows, len(plan.variant_names) * len(plan.seeds))))
-    seen = {row.variant: row for row in first}
-    return any(plan.scenario_of(row).sensing.kind == "camera" for row in seen.values())
+    rows = {row.variant: row for row in first}.values()
+    scenarios = (plan.scenario_of(row) for row in rows)
+    return any(s.sensing.kind == "camera" or s.controller.alone for s in scenarios)

@@ -1,11 +1,11 @@
-"""Rows of a finished sweep run again with everything recorded: the worst, the middle, the failed."""
+"""Rows of a finished sweep run again with recordings: the worst, the median, the failed."""
 
 from __future__ import annotations
 
 import shlex
 from contextlib import closing
+from dataclasses import dataclass
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -13,16 +13,19 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.results.verdict import SUCCESSES
+from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD, run_task
-from ttwmr_mj.studies.sweep.folder.results import FOLLOWED, RESULTS_FILE
+from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.words import command_of
 
 ALLOWED = "worst:N, best:N, median or failed:N"
 
 
-class Wish(NamedTuple):
+@dataclass(frozen=True, slots=True)
+class Wish:
     """Which rows are recorded."""
 
     which: str  # worst, best, median or failed
@@ -50,7 +53,7 @@ def rows_to_record(plan: Plan, folder: Path, wish: Wish) -> list[int]:
     """
     table = pq.read_table(folder / RESULTS_FILE, columns=["row", "verdict", plan.metric])
     if wish.which == "failed":
-        failed = table.filter(pc.not_equal(table["verdict"], FOLLOWED))
+        failed = table.filter(pc.invert(pc.is_in(table["verdict"], pa.array(SUCCESSES))))
         return [int(row) for row in failed["row"].to_pylist()[: wish.count]]
     metric = _numbers(table[plan.metric])
     order = np.lexsort((np.arange(len(metric)), metric))  # NaN comes last
@@ -65,7 +68,7 @@ def rows_to_record(plan: Plan, folder: Path, wish: Wish) -> list[int]:
     return [int(row) for row in table["row"].to_numpy()[picked]]
 
 
-def _numbers(column: pa.ChunkedArray) -> np.ndarray:  # type: ignore[type-arg]
+def _numbers(column: pa.ChunkedArray) -> FloatArray:
     return np.asarray(column.cast(pa.float64()).fill_null(np.nan).to_numpy())
 
 

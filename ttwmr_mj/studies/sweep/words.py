@@ -9,8 +9,8 @@ from time import perf_counter
 import numpy as np
 
 from ttwmr_mj.errors import TtwmrError
+from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.sweep.engine import batch_key, run_batch
 from ttwmr_mj.studies.sweep.plan.file import Axis
 from ttwmr_mj.studies.sweep.plan.parameters import Value
 from ttwmr_mj.studies.sweep.plan.plan import Plan, Row
@@ -109,21 +109,19 @@ def estimated_time_s(plan: Plan, workers: int) -> float | None:
     all rows take alike.
     """
     numbers = np.unique(np.linspace(0, plan.rows - 1, PROBED).astype(np.int64))
-    groups: dict[object, list[tuple[Scenario, float]]] = {}
     try:
-        for row in plan.rows_at(numbers):
-            scenario = plan.scenario_of(row)
-            probe = scenario.model_copy(update={"duration_s": min(PROBE_S, scenario.duration_s)})
-            groups.setdefault(batch_key(probe), []).append((probe, scenario.duration_s))
-        began, simulated_s, wanted_s = perf_counter(), 0.0, 0.0
-        for group in groups.values():
-            run_batch([probe for probe, _ in group], plan.beside)
-            simulated_s += sum(probe.duration_s for probe, _ in group)
-            wanted_s += sum(duration_s for _, duration_s in group)
+        scenarios = [plan.scenario_of(row) for row in plan.rows_at(numbers)]
+        probes = [
+            scenario.model_copy(update={"duration_s": min(PROBE_S, scenario.duration_s)})
+            for scenario in scenarios
+        ]
+        began = perf_counter()
+        run_batch(probes, plan.beside, nthread=1)
+        took_s = perf_counter() - began
     except TtwmrError:
         return None
-    per_second = (perf_counter() - began) / simulated_s
-    return per_second * wanted_s / len(numbers) * plan.rows / workers
+    wanted, simulated = (sum(s.duration_s for s in given) for given in (scenarios, probes))
+    return took_s * wanted / simulated / len(numbers) * plan.rows / workers
 
 
 def duration(seconds: float) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
-from ttwmr_mj.figures.style import GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
+from ttwmr_mj.figures.style import BAND, GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.reproduce.claims import friction
@@ -54,7 +54,7 @@ def _draw_paths(body: str) -> Callable[..., None]:
                 axes.plot(*line.T, color=colour, linewidth=width, label=label)
                 axes.plot(*line[0], "o", color=colour, markeredgecolor="white", markersize=5)
             reference = path(trajectory.ref_q[:, 0], robot)
-            axes.plot(*_thin(reference).T, **REFERENCE, label="reference")
+            axes.plot(*_thin(reference).T, **BAND, label="reference")
             axes.set_aspect("equal", adjustable="datalim")
             axes.set(xlabel="x [m]", ylabel="y [m]", title=panel.title)
         legend_below(figure, axes=axes)
@@ -76,7 +76,7 @@ def _draw_over_time(column: str, label: str) -> Callable[..., None]:
             axes.axhline(limit, **REFERENCE, label="servo's limit")
             axes.axhline(-limit, **REFERENCE)
         else:
-            axes.plot(columns["time_s"], columns[f"ref_{column}"], **REFERENCE, label="reference")
+            axes.plot(columns["time_s"], columns[f"ref_{column}"], **BAND, label="reference")
         legend_below(figure, axes=axes)
 
     return drawer

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, changes, write_plan
-from ttwmr_mj.studies.sweep.folder.results import GROUP, RESULTS_FILE
+from ttwmr_mj.studies.sweep.folder.results import GROUP, REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, shards_in, to_bytes, write_shard
 from ttwmr_mj.studies.sweep.plan.file import Axis
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -35,7 +35,8 @@ def extend(folder: Path, stored: Plan, plan: Plan) -> None:
             inside = np.flatnonzero(new // GROUP == window)
             order = inside[np.argsort(new[inside])]
             write_shard(folder, plan, new[order], to_bytes(table.take(order).combine_chunks()))
-    (folder / RESULTS_FILE).unlink(missing_ok=True)
+    for name in (RESULTS_FILE, REPORT_FILE):
+        (folder / name).unlink(missing_ok=True)
     write_plan(folder, plan)  # from here on it is the folder's
     drop_remains(folder, plan)
 

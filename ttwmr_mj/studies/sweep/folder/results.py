@@ -9,13 +9,14 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 RESULTS_FILE = "results.parquet"
+REPORT_FILE = "report.html"
 GROUP = 65_536  # rows in memory at a time, and in a row group of the file
-FOLLOWED = "followed"
 
 
 def assemble(folder: Path, plan: Plan) -> None:
@@ -45,7 +46,7 @@ def _window(shards: list[Shard], start: int, stop: int) -> pa.Table:
 
 def failures(table: pa.Table) -> int:
     """How many of these rows did not do their job."""
-    return int(pc.sum(pc.not_equal(table["verdict"], FOLLOWED)).as_py() or 0)
+    return len(table) - int(pc.sum(pc.is_in(table["verdict"], pa.array(SUCCESSES))).as_py() or 0)
 
 
 def told_results(plan: Plan, folder: Path) -> str:
@@ -57,4 +58,5 @@ def told_results(plan: Plan, folder: Path) -> str:
     if len(metric):
         low, middle, high = pc.quantile(metric, [0.05, 0.5, 0.95]).to_pylist()
         lines.append(f"{plan.metric}: median {middle:.3g}, 90 % within {low:.3g} to {high:.3g}")
-    return "\n".join([*lines, f"written to {folder / RESULTS_FILE}"])
+    where = f"table: {folder / RESULTS_FILE}\nreport: {folder / REPORT_FILE}"
+    return "\n".join([*lines, where])

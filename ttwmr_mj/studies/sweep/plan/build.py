@@ -14,12 +14,19 @@ from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.report import HEADLINES
 from ttwmr_mj.scenario.file import find_scenario, read_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.pool.ingredients import made_of_run
+from ttwmr_mj.studies.pool.ingredients import ENTRY, made_of_run
 from ttwmr_mj.studies.sweep.plan.file import SweepRequest, Table
 from ttwmr_mj.studies.sweep.plan.parameters import Value
 from ttwmr_mj.studies.sweep.plan.plan import SHIPPED, Plan, Row
 
 MOST_ROWS = 10_000_000
+SWEEP = "ttwmr_mj.studies.sweep"
+CODE = (  # that decides about rows, and about what is kept of them
+    ENTRY,
+    "ttwmr_mj.runs.batch",
+    f"{SWEEP}.engine",
+    *(f"{SWEEP}.plan.{module}" for module in ("parameters", "plan", "sampling")),
+)
 
 
 def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
@@ -47,6 +54,7 @@ def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
         axes=request.axes,
         variants={name: tuple(given.overrides) for name, given in file.variants.items()},
         metric=file.metric or "",
+        timeout_s=file.timeout_s,
     )
     _refuse_size(plan, request.source, most_rows)
     return plan
@@ -102,14 +110,15 @@ def _headline(scenario: Scenario) -> str:
     """Where the trailer goes, if the reference says where; else where P goes."""
     reference = sample_reference(scenario)
     told = reference is not None and np.isfinite(reference.q[..., 3]).any()
-    return HEADLINES[0] if told else HEADLINES[1]
+    of_the_trailer, of_the_tractor = HEADLINES
+    return of_the_trailer if told else of_the_tractor
 
 
 def _made_of(plan: Plan, scenarios: list[Scenario]) -> Table:
     """Of all kinds of rows; files beside the scenario by their names there."""
     parts: dict[str, dict[str, Any]] = {"data": {}, "code": {}, "libraries": {}}
     for scenario in scenarios:
-        made_of = made_of_run(scenario, plan.beside)
+        made_of = made_of_run(scenario, plan.beside, CODE)
         for part, found in parts.items():
             found |= made_of[part]
     beside = f"{plan.beside.resolve()}/"

@@ -15,6 +15,7 @@ from ttwmr_mj.config import Config
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
+from ttwmr_mj.studies.bench.suite import is_suite
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
 
 Sampling = Literal["grid", "random", "latin_hypercube", "sobol"]
@@ -50,6 +51,13 @@ class SweepFile(Config):
         default=False,
         description="with sampling = 'sobol': two sets of samples and their mixtures, from which "
         "first-order and total Sobol indices are computed",
+    )
+    timeout_s: float = Field(
+        default=300.0,
+        gt=0,
+        le=86_400,
+        description="wall time for each run of a chunk, after which its process is killed; "
+        "several times that of a slow run",
     )
     metric: str | None = Field(
         default=None, description="what the report is about; default: by what the reference says"
@@ -117,12 +125,7 @@ class SweepRequest:
 def shipped_sweeps() -> dict[str, Path]:
     """Name of every shipped sweep and its file; suites of `ttwmr bench` lie beside them."""
     paths = sorted(sweeps_folder().glob("*.toml"))
-    return {path.stem: path for path in paths if is_sweep(_read(path))}
-
-
-def is_sweep(data: Table) -> bool:
-    """Whether a TOML file is one of `ttwmr sweep`; one of `ttwmr bench` names controllers."""
-    return "controller" not in data and "task" not in data
+    return {path.stem: path for path in paths if not is_suite(_read(path))}
 
 
 def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepRequest:
@@ -137,7 +140,7 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
     """
     path = _find(name_or_path)
     data = _read(path)
-    if not is_sweep(data):
+    if is_suite(data):
         problem = "this is a suite of controllers and tasks, not a sweep"
         raise InputError(Fault(problem=problem, hint=f"ttwmr bench {name_or_path}"), file=str(path))
     faults: list[Fault] = []

@@ -1,13 +1,12 @@
 """What a parameter of a sweep may be: a list, a range, a distribution.
 
 Each says its values two ways. `values` are finitely many, counted from 0, for a grid; None where
-there is a continuum. `of_unit` turns numbers of [0, 1) into values, for samples: evenly over finitely
-many values, else by the inverse of the distribution function.
+there is a continuum. `of_unit` turns numbers of [0, 1) into values, for samples: evenly over
+finitely many values, else by the inverse of the distribution function.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -37,18 +36,18 @@ class Parameter(Config):
     drawn: ClassVar[bool] = True
 
     @property
-    @abstractmethod
     def values(self) -> tuple[Value, ...] | None:
         """Every value it takes; None if there is a continuum of them."""
+        return None
 
     @property
     def weights(self) -> FloatArray | None:
         """How often each of `values` is drawn, summing to 1; None: equally."""
         return None
 
-    @abstractmethod
     def quantile(self, share: FloatArray) -> FloatArray:
         """The value that this share of a continuum lies below; for shares inside (0, 1)."""
+        raise NotImplementedError(f"{self.kind} is no continuum")
 
     def of_unit(self, unit: FloatArray) -> list[Value]:
         """Values for numbers of [0, 1)."""
@@ -90,10 +89,8 @@ class Listed(Parameter):
 
     @property
     def values(self) -> tuple[Value, ...]:
+        """As given."""
         return tuple(self.given)
-
-    def quantile(self, share: FloatArray) -> FloatArray:
-        raise AssertionError("a list is no continuum")
 
 
 class Range(Parameter):
@@ -115,7 +112,8 @@ class Range(Parameter):
         return self
 
     @cached_property
-    def values(self) -> tuple[Value, ...] | None:  # type: ignore[override]
+    def values(self) -> tuple[Value, ...] | None:
+        """`count` of them, whole numbers if both ends and all steps are."""
         if self.count is None:
             return None
         if self.spacing == "log":
@@ -127,6 +125,7 @@ class Range(Parameter):
         return tuple(steps.tolist())
 
     def quantile(self, share: FloatArray) -> FloatArray:
+        """Evenly, or by equal ratios."""
         if self.spacing == "log":
             return _log_uniform(self.low, self.high, share)
         return self.low + (self.high - self.low) * share
@@ -146,11 +145,8 @@ class Uniform(Parameter):
         _ordered(self.low, self.high)
         return self
 
-    @property
-    def values(self) -> None:
-        return None
-
     def quantile(self, share: FloatArray) -> FloatArray:
+        """Evenly."""
         return self.low + (self.high - self.low) * share
 
 
@@ -168,11 +164,8 @@ class LogUniform(Parameter):
         _ordered(self.low, self.high, positive=True)
         return self
 
-    @property
-    def values(self) -> None:
-        return None
-
     def quantile(self, share: FloatArray) -> FloatArray:
+        """By equal ratios."""
         return _log_uniform(self.low, self.high, share)
 
 
@@ -196,10 +189,6 @@ class Normal(Parameter):
             raise ValueError("between `low` and `high` lies nothing of this distribution")
         return self
 
-    @property
-    def values(self) -> None:
-        return None
-
     def _shares(self) -> tuple[float, float]:
         from scipy.special import ndtr
 
@@ -208,6 +197,7 @@ class Normal(Parameter):
         return low, high
 
     def quantile(self, share: FloatArray) -> FloatArray:
+        """Of what lies between `low` and `high`."""
         from scipy.special import ndtri
 
         low, high = self._shares()
@@ -240,16 +230,15 @@ class Choice(Parameter):
 
     @property
     def values(self) -> tuple[Value, ...]:
+        """As given."""
         return tuple(self.given)
 
     @property
     def weights(self) -> FloatArray | None:
+        """As given, their sum made 1."""
         if self.given_weights is None:
             return None
         return np.array(self.given_weights) / sum(self.given_weights)
-
-    def quantile(self, share: FloatArray) -> FloatArray:
-        raise AssertionError("a choice is no continuum")
 
 
 DISTRIBUTIONS: dict[str, type[Parameter]] = {

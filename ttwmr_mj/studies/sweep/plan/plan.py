@@ -59,6 +59,7 @@ class Plan:
         axes: what is varied.
         variants: name → overrides; empty if there are none.
         metric: what the report is about.
+        timeout_s: wall time for each run of a chunk.
         made_of: what else decides about results: code, libraries, data files.
     """
 
@@ -76,6 +77,7 @@ class Plan:
     axes: tuple[Axis, ...]
     variants: dict[str, tuple[str, ...]]
     metric: str = ""
+    timeout_s: float = 300.0
     made_of: Table = field(default_factory=dict)
 
     @cached_property
@@ -236,6 +238,7 @@ class Plan:
             "folder": self.folder,
             **self.identity,
             "headline_metric": self.metric,
+            "timeout_s": self.timeout_s,
             "sensitivity_design": self._design(),
             "draws": self.draws,
             "rows": self.rows,
@@ -279,6 +282,7 @@ class Plan:
             axes=_axes_of(data["parameters"]),
             variants={name: tuple(given) for name, given in data["variants"].items()},
             metric=data["headline_metric"],
+            timeout_s=data["timeout_s"],
             made_of=data["made_of"],
         )
 

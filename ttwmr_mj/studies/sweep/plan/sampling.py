@@ -1,4 +1,4 @@
-"""Where samples lie: points of the unit cube, by their number, the same wherever they are asked for.
+"""Where samples lie: points of the unit cube by their number, wherever it is asked for.
 
 Blocks of points are made as they are needed and kept for a while, so that a plan of millions of
 samples costs no memory; a Latin hypercube alone has to be made whole.
@@ -6,6 +6,7 @@ samples costs no memory; a Latin hypercube alone has to be made whole.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import lru_cache
 
 import numpy as np
@@ -51,7 +52,7 @@ def saltelli_units(sampling_seed: int, axes: int, draws: IntArray) -> FloatArray
     return np.where(from_b, b, a)
 
 
-def _gathered(block_of, samples: IntArray, axes: int) -> FloatArray:  # type: ignore[no-untyped-def]
+def _gathered(block_of: Callable[[int], FloatArray], samples: IntArray, axes: int) -> FloatArray:
     """Points out of the blocks that they are in."""
     blocks, places = np.divmod(samples, BLOCK)
     found = np.empty((len(samples), axes))
@@ -83,5 +84,7 @@ def _latin(sampling_seed: int, axes: int, count: int) -> FloatArray:
 def _sobol_block(sampling_seed: int, axes: int, block: int) -> FloatArray:
     from scipy.stats import qmc
 
-    points = qmc.Sobol(axes, rng=np.random.default_rng(sampling_seed)).fast_forward(block * BLOCK)
+    points = qmc.Sobol(axes, rng=np.random.default_rng(sampling_seed))
+    if block:  # forward by nothing is an error
+        points.fast_forward(block * BLOCK)
     return np.asarray(points.random(BLOCK))

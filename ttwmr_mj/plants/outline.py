@@ -1,4 +1,4 @@
-"""The outlines of a robot's chassis as seen from above, for its places on the floor."""
+"""The outlines of a robot's chassis as seen from above."""
 
 import mujoco
 import numpy as np
@@ -38,6 +38,24 @@ def outline(model: mujoco.MjModel, body: int, margin_m: float) -> FloatArray:
     local = (np.vstack(points) - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
     wide = (local[:, None, :2] + margin_m * CIRCLE).reshape(-1, 2)
     return np.asarray(wide[ConvexHull(wide).vertices])
+
+
+def silhouettes(model: mujoco.MjModel, q: FloatArray) -> dict[str, FloatArray]:
+    """The outlines of robots that stand level at q (n, 3 + trailers).
+
+    Returns:
+        (n, corners, 2) by chassis, front to back [m], world frame.
+    """
+    data = mujoco.MjData(model)
+    corners = {body: outline(model, body, 1e-6) for body in chassis(model).values()}
+    placed: dict[int, list[FloatArray]] = {body: [] for body in corners}
+    for qpos in Joints(model).standing(np.array(model.qpos0), q):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        for body, local in corners.items():
+            turn = data.xmat[body].reshape(3, 3)[:2, :2]
+            placed[body].append(data.xpos[body, :2] + local @ turn.T)
+    return {name: np.stack(placed[body]) for name, body in chassis(model).items()}
 
 
 def _carried(model: mujoco.MjModel, chassis_body: int) -> set[int]:

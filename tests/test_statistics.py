@@ -1,0 +1,157 @@
+"""Intervals of shares, quantiles, pairs and Sobol indices, against closed forms and other code."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.stats
+
+from ttwmr_mj.results.sensitivity import sobol_indices
+from ttwmr_mj.results.statistics import paired, quantile, share, share_difference
+
+NONE = np.zeros(0)
+
+
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+def test_a_share_has_the_exact_binomial_interval() -> None:
+    # nothing in n runs: 1 − 0.025^(1/n)
+    assert share(0, 10) == pytest.approx((0.0, 0.0, 1.0 - 0.025**0.1))
+    assert share(10, 10) == pytest.approx((1.0, 0.025**0.1, 1.0))
+    # published: 15 of 20, e.g. Agresti and Coull (1998) by Clopper and Pearson's rule
+    assert share(15, 20) == pytest.approx((0.75, 0.508954, 0.913429), abs=1e-6)
+    for count, of in ((1, 3), (7, 1000), (4999, 10_000)):
+        theirs = scipy.stats.binomtest(count, of).proportion_ci(0.95, "exact")
+        assert share(count, of)[1:] == pytest.approx((theirs.low, theirs.high))
+
+
+def test_a_share_of_no_runs_is_unknown() -> None:
+    found = share(0, 0)
+    assert math.isnan(found.value)
+    assert found[1:] == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("at", [0.05, 0.5, 0.9])
+@pytest.mark.parametrize("n", [10, 101])
+def test_a_quantile_has_the_percentile_bootstrap_interval(at: float, n: int) -> None:
+    values = rng().lognormal(size=n)
+    found = quantile(values, at, rng())
+    assert found.value == pytest.approx(np.quantile(values, at))
+    # every end is one of few values between which resamples fall, so it can be off by one of them
+    theirs = scipy.stats.bootstrap(
+        [values], lambda x, axis: np.quantile(x, at, axis=axis),
+        n_resamples=20_000, method="percentile", rng=rng(),
+    ).confidence_interval  # fmt: skip
+    draws = np.sort(values)
+    for mine, other in zip(found[1:], theirs, strict=True):
+        gap = np.abs(np.searchsorted(draws, mine) - np.searchsorted(draws, other))
+        assert gap <= 1, (mine, other)
+
+
+def test_a_quantile_holds_the_truth_as_often_as_it_says() -> None:
+    draws = np.random.default_rng(1).exponential(size=(1000, 60))
+    generator = rng()
+    held = [low <= math.log(2.0) <= high
+            for _, low, high in (quantile(row, 0.5, generator) for row in draws)]  # fmt: skip
+    # a percentile bootstrap of a median is known to be close to, not exactly, its level;
+    # 1000 repetitions tell 0.95 to ± 0.014 (2 sigma)
+    assert 0.92 <= np.mean(held) <= 0.98
+
+
+def test_a_run_without_a_number_counts_as_worse_than_any() -> None:
+    values = np.array([1.0, 2.0, 3.0, np.inf, np.inf])
+    assert quantile(values, 0.5, rng()).value == 3.0
+    assert quantile(values, 0.9, rng()).value == np.inf
+    assert quantile(values, 0.625, rng()).value == np.inf  # between 3 and infinity
+    assert quantile(values, 0.5, rng()).high == np.inf
+    assert quantile(np.full(4, np.inf), 0.5, rng()) == (np.inf,) * 3
+
+
+def test_one_value_has_no_interval_and_none_no_value() -> None:
+    assert quantile(np.array([2.0]), 0.5, rng()) == (2.0, -np.inf, np.inf)
+    assert all(math.isnan(number) for number in quantile(NONE, 0.5, rng()))
+
+
+def test_the_same_seed_gives_the_same_interval() -> None:
+    values = rng().normal(size=50)
+    assert quantile(values, 0.3, rng()) == quantile(values, 0.3, rng())
+
+
+def test_pairs_show_a_difference_that_two_medians_hide() -> None:
+    theirs = rng().normal(10.0, 5.0, 100)  # draws differ far more than the two laws
+    ours = theirs - 0.1 - 0.01 * rng().random(100)
+    fine = np.zeros(100, bool)
+    found = paired(ours, theirs, (fine, fine), rng())
+    assert -0.12 < found.difference.low <= found.difference.high < -0.1
+    assert found.favours == -1
+    assert (found.better, found.worse, found.unknown) == (100, 0, 0)
+    swapped = paired(theirs, ours, (fine, fine), rng())
+    assert swapped.difference.value == -found.difference.value
+    assert swapped.favours == 1
+    assert quantile(ours, 0.5, rng()).high > quantile(theirs, 0.5, rng()).low
+
+
+def test_pairs_count_who_failed_and_who_has_no_number() -> None:
+    ours = np.array([1.0, np.inf, 1.0, np.inf, 2.0])
+    theirs = np.array([2.0, 1.0, np.inf, np.inf, 2.0])
+    failed = (np.array([0, 1, 0, 1, 0], bool), np.array([0, 0, 1, 1, 1], bool))
+    found = paired(ours, theirs, failed, rng())
+    assert (found.pairs, found.only_ours, found.only_theirs, found.both) == (5, 1, 2, 1)
+    assert (found.better, found.worse, found.unknown) == (2, 1, 1)
+    assert found.failures.value == pytest.approx(-0.2)
+    assert found.favours == 0
+    nothing = paired(NONE, NONE, (NONE.astype(bool),) * 2, rng())
+    assert nothing.pairs == 0
+    assert nothing.favours == 0
+
+
+def test_a_difference_of_shares_is_never_too_sure() -> None:
+    assert share_difference(0, 0, 10).low < 0.0 < share_difference(0, 0, 10).high
+    generator, held = rng(), 0
+    for _ in range(500):
+        kinds = generator.multinomial(40, [0.15, 0.05, 0.8])
+        found = share_difference(int(kinds[0]), int(kinds[1]), 40)
+        held += found.low <= 0.1 <= found.high
+    assert held >= 475
+
+
+def ishigami(x: np.ndarray) -> np.ndarray:
+    """At (3, …), with a = 7, b = 0.1; its indices are known (Ishigami and Homma, 1990)."""
+    return np.asarray(np.sin(x[0]) + 7.0 * np.sin(x[1]) ** 2 + 0.1 * x[2] ** 4 * np.sin(x[0]))
+
+
+def design(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    drawn = scipy.stats.qmc.Sobol(6, rng=np.random.default_rng(3)).random(n).T
+    a, b = -math.pi + 2.0 * math.pi * drawn.reshape(2, 3, n)
+    mixed = np.repeat(a[None], 3, axis=0)
+    mixed[range(3), range(3)] = b
+    return tuple(np.asarray(ishigami(x)) for x in (a, b, np.moveaxis(mixed, 0, 1)))  # type: ignore[return-value]
+
+
+def test_sobol_indices_are_the_known_ones_and_scipys() -> None:
+    a, b, ab = design(4096)
+    found = sobol_indices(a, b, ab, rng())
+    assert found is not None
+    known = [(0.3139, 0.5576), (0.4424, 0.4424), (0.0, 0.2437)]
+    theirs = scipy.stats.sobol_indices(
+        func={"f_A": a[None].copy(), "f_B": b[None].copy(), "f_AB": ab[:, None].copy()}, n=4096
+    )
+    for i, (first, total) in enumerate(known):
+        assert found[i].first.low <= first <= found[i].first.high
+        assert found[i].total.low <= total <= found[i].total.high
+        assert found[i].first.value == pytest.approx(theirs.first_order[i], abs=1e-12)
+        assert found[i].total.value == pytest.approx(theirs.total_order[i], abs=1e-12)
+        assert found[i].converged
+
+
+def test_sobol_indices_of_few_runs_are_called_not_converged() -> None:
+    found = sobol_indices(*design(64), rng())
+    assert found is not None
+    assert not found[0].converged
+    assert all(not index.converged for index in sobol_indices(*design(8), rng()) or ())
+
+
+def test_a_number_that_never_varies_has_no_indices() -> None:
+    assert sobol_indices(np.ones(64), np.ones(64), np.ones((3, 64)), rng()) is None

@@ -1,0 +1,122 @@
+"""A sweep's folder, read back: the plan, and the table of results by columns."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.verdict import SUCCESSES
+from ttwmr_mj.state import FloatArray
+
+BoolArray = np.ndarray
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """Runs of one sweep: all, or some of them.
+
+    Attributes:
+        plan: plan.json.
+        table: column of results.parquet → (n,) its values; numbers that are null are NaN.
+    """
+
+    plan: dict[str, Any]
+    table: dict[str, np.ndarray]
+
+    @classmethod
+    def read(cls, folder: Path) -> Sweep:
+        """What a sweep left in its folder."""
+        import pyarrow.parquet as pq
+
+        plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+        read = pq.read_table(folder / "results.parquet")
+        return cls(plan, {name: read[name].to_numpy() for name in read.column_names})
+
+    def __len__(self) -> int:
+        return len(self.table["row"])
+
+    def where(self, rows: BoolArray) -> Sweep:
+        """These rows (n,) alone."""
+        return replace(self, table={name: values[rows] for name, values in self.table.items()})
+
+    @cached_property
+    def failed(self) -> BoolArray:
+        """(n,) whether the verdict is a failure; a run that broke off has one that is."""
+        return ~np.isin(self.table["verdict"].astype(str), SUCCESSES)
+
+    @cached_property
+    def finished(self) -> BoolArray:
+        """(n,) whether the run came to its end, lost or not."""
+        return self.table["status"].astype(str) == "ok"
+
+    def numbers(self, metric: str) -> FloatArray:
+        """(n,) a metric; infinite where a run broke off or never got it, "worse than any"."""
+        values = self.table[metric].astype(float)
+        return np.where(self.finished & np.isfinite(values), values, np.inf)
+
+    @cached_property
+    def metrics(self) -> list[str]:
+        """Metrics that at least one finished run has; the others are undefined."""
+        there = (name for name in METRICS if name in self.table)
+        return [name for name in there if np.isfinite(self.numbers(name)).any()]
+
+    @cached_property
+    def headline(self) -> str:
+        """The metric that the report is about; empty if it is undefined in every run."""
+        name = str(self.plan["headline_metric"])
+        return name if name in self.metrics else ""
+
+    @cached_property
+    def variants(self) -> dict[str, Sweep]:
+        """Variant → its rows; in the plan's order."""
+        names = list(self.plan["variants"]) or [""]
+        given = self.table["variant"].astype(str)
+        return {name: self.where(given == name) for name in names}
+
+    @cached_property
+    def axes(self) -> list[Axis]:
+        """What is varied, in the plan's order."""
+        axes: dict[int, list[str]] = {}
+        for path, given in self.plan["parameters"].items():
+            axes.setdefault(given["axis"], []).append(path)
+        return [Axis(paths, self.plan["parameters"][paths[0]]) for paths in axes.values()]
+
+    @cached_property
+    def design(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """For Sobol indices (n,): which base sample a row is of, and which set: A, B, AB_0, ….
+
+        None if the plan has no such design.
+        """
+        if (design := self.plan["sensitivity_design"]) is None:
+            return None
+        sample, which = np.divmod(self.table["draw"].astype(int), len(design["sets"]))
+        return sample, which
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Parameters that vary together, as one; shown by the first of them.
+
+    Attributes:
+        paths: of the parameters, in the scenario.
+        given: of the first, as plan.json has it.
+    """
+
+    paths: list[str]
+    given: dict[str, Any]
+
+    @property
+    def path(self) -> str:
+        """Of the first parameter."""
+        return self.paths[0]
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether equal ratios are equal steps."""
+        return "log" in (self.given.get("spacing"), str(self.given.get("distribution"))[:3])

@@ -1,0 +1,177 @@
+"""report.html of a sweep: what its runs say, how sure that is, and how to run any of them again."""
+
+from __future__ import annotations
+
+import json
+import shlex
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ttwmr_mj.files import write_text
+from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.sensitivity import CONVERGED
+from ttwmr_mj.results.statistics import LEVEL, RESAMPLES
+from ttwmr_mj.results.verdict import VERDICTS
+from ttwmr_mj.studies.pages.page import inlined, render
+from ttwmr_mj.studies.sweep.answers.figures import along_name, write_sweep_figures
+from ttwmr_mj.studies.sweep.answers.findings import ALL_PAIRS, MOST_MAPS, Findings, find
+from ttwmr_mj.studies.sweep.answers.read import Sweep
+from ttwmr_mj.studies.sweep.answers.slices import OUTER
+from ttwmr_mj.studies.sweep.answers.tables import (
+    along_table,
+    failed_table,
+    metrics_table,
+    pairs_table,
+    plan_table,
+    sensitivity_table,
+    variants_table,
+    verdicts_table,
+)
+from ttwmr_mj.studies.sweep.answers.words import Shown, number, parameter_label, said_percent
+
+MOST_FAILED = 100  # failed runs that the page lists; failed.csv has all
+
+
+def write_report(folder: Path) -> None:
+    """Write report.html, figures/ and failed.csv into a sweep's folder.
+
+    Args:
+        folder: holds plan.json and results.parquet. The same two give the same bytes.
+    """
+    sweep = Sweep.read(folder)
+    findings = find(sweep)
+    drawings = write_sweep_figures(sweep, findings, folder / "figures")
+    _write_failed(sweep, folder / "failed.csv")
+    write_text(folder / "report.html", _page(sweep, findings, drawings))
+
+
+def _write_failed(sweep: Sweep, path: Path) -> None:
+    """Every failed run: what it was, why it failed, and the command that runs it again."""
+    import csv
+    import io
+
+    failed, out = sweep.where(sweep.failed), io.StringIO()
+    columns = ["row", "draw", "variant", "seed", *sweep.plan["parameters"]]
+    columns += ["status", "verdict", "reason"]
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow([*columns, "command"])
+    for i in range(len(failed)):
+        writer.writerow([*(failed.table[name][i] for name in columns), command(failed, i)])
+    write_text(path, out.getvalue())
+
+
+def command(sweep: Sweep, i: int) -> str:
+    """What runs the i-th run alone, with all its files."""
+    plan, row = sweep.plan, {name: values[i] for name, values in sweep.table.items()}
+    told = [*plan["overrides"], *plan["variants"].get(str(row["variant"]), ())]
+    told += [f"{path}={_toml(row[path])}" for path in plan["parameters"]]
+    sets = [word for override in told for word in ("--set", override)]
+    return shlex.join(["ttwmr", "run", plan["scenario"], *sets, "--seed", str(row["seed"])])
+
+
+def _toml(value: Any) -> str:
+    """As `--set` takes it; texts that are plain words need no quotes."""
+    plain = value.item() if isinstance(value, np.generic) else value
+    return plain if isinstance(plain, str) else json.dumps(plain)
+
+
+def _page(sweep: Sweep, findings: Findings, drawings: dict[str, Path]) -> str:
+    shown, plan = Shown.of(sweep.headline), sweep.plan
+    failed = sweep.where(sweep.failed)
+    draws = len(np.unique(sweep.table["draw"]))
+    svg = {name: inlined(path) for name, path in drawings.items()}
+    return render(
+        __package__ or "",
+        "report.html.j2",
+        plan=plan,
+        shown=shown,
+        headline=sweep.headline,
+        meaning=METRICS[sweep.headline].meaning if sweep.headline else "",
+        runs=len(sweep),
+        broke_off=int((~sweep.finished).sum()),
+        draws=draws,
+        several_seeds=len(plan["seeds"]) > 1 and draws > 1,
+        whole=findings.whole,
+        failure_rate=said_percent(findings.whole.failures).split(" % "),
+        median=shown.cell(findings.whole.median),
+        sentences=_sentences(sweep, findings, shown),
+        svg=svg,
+        verdicts=verdicts_table(findings),
+        variants=variants_table(findings, shown),
+        along=[
+            (parameter_label(a.slicing.axis.path), a, svg[along_name(a)], along_table(a, shown))
+            for a in findings.along
+        ],
+        maps=[svg[name] for name in drawings if name.startswith("map-")],
+        map_count=MOST_MAPS,
+        all_pairs=ALL_PAIRS,
+        pairs=pairs_table(findings, shown),
+        sensitivity=sensitivity_table(sweep, findings, shown),
+        converged=CONVERGED,
+        metrics=metrics_table(findings),
+        failed=failed_table(failed, MOST_FAILED),
+        failed_commands=[command(failed, i) for i in range(min(5, len(failed)))],
+        most_failed=MOST_FAILED,
+        examples=_examples(sweep),
+        plan_rows=plan_table(sweep),
+        rules={name: VERDICTS[name] for name in reversed(VERDICTS)},
+        level=round(100 * LEVEL),
+        outer=[round(100 * at) for at in OUTER],
+        resamples=RESAMPLES,
+        versions={
+            name.removeprefix("version_"): sorted(set(sweep.table[name].astype(str).tolist()))
+            for name in sweep.table
+            if name.startswith("version_")
+        },
+    )
+
+
+def _sentences(sweep: Sweep, findings: Findings, shown: Shown) -> list[str]:
+    """What a reader should take away, each with its interval."""
+    whole = findings.whole
+    said = [
+        f"{whole.failed} of {whole.runs} runs failed: {said_percent(whole.failures)}."
+        if whole.failed
+        else f"None of {whole.runs} runs failed: "
+        f"the failure rate is at most {number(100 * whole.failures.high)} %."
+    ]
+    most = max(findings.along, key=lambda a: a.explained, default=None)
+    if most is not None and len(findings.along) > 1 and most.explained > 0.05:
+        label = parameter_label(most.slicing.axis.path).partition(" [")[0]
+        said.append(
+            f"Of the parameters, {label} explains most alone: "
+            f"{number(100 * most.explained)} % of the variance."
+        )
+    for pair in findings.pairs:
+        found = pair.found
+        if sweep.headline and found.favours:
+            ahead, behind = (pair.ours, pair.theirs)[:: -found.favours]
+            said.append(
+                f"{ahead} has a smaller {shown.name} than {behind}, by "
+                f"{shown.said(_unsigned(found.difference))} in the median of {found.pairs} pairs "
+                "on the same draws and seeds."
+            )
+        elif sweep.headline:
+            said.append(
+                f"{pair.ours} and {pair.theirs} do not differ measurably in {shown.name}: "
+                f"{shown.said(found.difference)} in the median of {found.pairs} pairs."
+            )
+    return said
+
+
+def _unsigned(difference: Any) -> Any:
+    value, low, high = difference
+    return type(difference)(abs(value), *sorted((abs(low), abs(high))))
+
+
+def _examples(sweep: Sweep) -> list[tuple[str, str]]:
+    """Runs to look at: the median one of those that followed, and the worst."""
+    if not sweep.headline:
+        return [("the first", command(sweep, 0))]
+    values = sweep.numbers(sweep.headline)
+    order = np.argsort(values, kind="stable")
+    middle, last = int(order[(len(order) - 1) // 2]), int(order[-1])
+    rows = [("in the middle", middle), ("the worst", last)]
+    return [(f"{what}, row {sweep.table['row'][i]}", command(sweep, i)) for what, i in rows]

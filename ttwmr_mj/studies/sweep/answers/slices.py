@@ -1,0 +1,134 @@
+"""Runs along a parameter: by its values if they are few, else in bins of equally many runs."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+
+import numpy as np
+
+from ttwmr_mj.results.statistics import Interval, quantile, share
+from ttwmr_mj.studies.sweep.answers.read import Axis, Sweep
+from ttwmr_mj.studies.sweep.answers.words import number
+
+MOST_VALUES = 24  # that are shown one by one
+BINS = 10
+FEWEST = 20  # runs of a bin: fewer have intervals too wide to read
+OUTER = (0.05, 0.95)  # quantiles that a robustness curve's band lies between
+
+
+@dataclass(frozen=True)
+class Slicing:
+    """How one axis is cut.
+
+    Attributes:
+        axis: which.
+        labels: of the parts.
+        places: where each is drawn: its value or the median of its values; 0, 1, … for texts.
+        edges: between parts; empty if they are values.
+        values: each part's value; empty if they are bins.
+    """
+
+    axis: Axis
+    labels: list[str]
+    places: list[float]
+    edges: np.ndarray
+    values: list[object]
+
+    @classmethod
+    def of(cls, sweep: Sweep, axis: Axis, bins: int = BINS) -> Slicing:
+        """Cut by all runs, so that variants share it."""
+        column = sweep.table[axis.path]
+        distinct = np.unique(column)
+        if column.dtype.kind not in "fiu":
+            values = [v for v in axis.given.get("values", distinct.tolist()) if v in distinct]
+            labels, places = [str(v) for v in values], [float(i) for i in range(len(values))]
+            return cls(axis, labels, places, np.zeros(0), values)
+        if len(distinct) <= MOST_VALUES:
+            found = distinct.tolist()
+            return cls(axis, [number(v) for v in found], found, np.zeros(0), found)
+        count = int(np.clip(len(column) // max(1, len(sweep.variants)) // FEWEST, 2, bins))
+        edges = np.quantile(column, np.linspace(0.0, 1.0, count + 1))[1:-1]
+        which = np.searchsorted(edges, column, side="right")
+        places = [float(np.median(column[which == i])) for i in range(count)]
+        ends = [column.min(), *edges, column.max()]
+        labels = [f"{number(a)} … {number(b)}" for a, b in itertools.pairwise(ends)]
+        return cls(axis, labels, places, edges, [])
+
+    @property
+    def numeric(self) -> bool:
+        """Whether the places are numbers of the parameter."""
+        return not self.values or isinstance(self.values[0], float | int)
+
+    def which(self, sweep: Sweep) -> np.ndarray:
+        """(n,) the part that each run is in."""
+        column = sweep.table[self.axis.path]
+        if not self.values:
+            return np.searchsorted(self.edges, column, side="right")
+        return np.argmax(np.stack([column == value for value in self.values]), axis=0)
+
+
+@dataclass(frozen=True)
+class Group:
+    """What some runs say.
+
+    Attributes:
+        runs: how many.
+        failures: the share that failed.
+        median: of the headline metric; NaN where it is undefined.
+        outer: its OUTER quantiles.
+    """
+
+    runs: int
+    failed: int
+    failures: Interval
+    median: Interval
+    outer: tuple[float, float]
+
+    @classmethod
+    def of(cls, sweep: Sweep, metric: str, rng: np.random.Generator) -> Group:
+        """Of all runs of a sweep, or of a part of one."""
+        values = sweep.numbers(metric) if metric else np.zeros(0)
+        low, high = (quantile(values, at, rng).value for at in OUTER)
+        failed = int(sweep.failed.sum())
+        failures = share(failed, len(sweep))
+        return cls(len(sweep), failed, failures, quantile(values, 0.5, rng), (low, high))
+
+
+def groups(
+    sweep: Sweep, slicings: list[Slicing], metric: str, rng: np.random.Generator
+) -> np.ndarray:
+    """An array of Group, with one dimension for each slicing."""
+    shape = tuple(len(slicing.labels) for slicing in slicings)
+    found = np.empty(shape, dtype=object)
+    which = [slicing.which(sweep) for slicing in slicings]
+    for place in np.ndindex(*shape):
+        here = np.logical_and.reduce([w == i for w, i in zip(which, place, strict=True)])
+        found[place] = Group.of(sweep.where(here), metric, rng)
+    return found
+
+
+def explained(sweep: Sweep, slicing: Slicing) -> float:
+    """Share of the variance of who failed, or of ranks, that one parameter explains alone.
+
+    The larger of two correlation ratios, of the failures and of the headline's ranks, each less
+    what as many parts explain by chance (ε², Kelley 1935). It sorts parameters, no more.
+    """
+    from scipy.stats import rankdata
+
+    kinds = [sweep.failed.astype(float)]
+    if sweep.headline:
+        kinds.append(rankdata(sweep.numbers(sweep.headline)))
+    return max(_epsilon_squared(kind, slicing.which(sweep)) for kind in kinds)
+
+
+def _epsilon_squared(values: np.ndarray, which: np.ndarray) -> float:
+    """ε² of values (n,) in parts (n,)."""
+    counts = np.bincount(which)
+    parts, n = int((counts > 0).sum()), len(values)
+    total = float(((values - values.mean()) ** 2).sum())
+    if total == 0.0 or n <= parts:
+        return 0.0
+    sums = np.bincount(which, weights=values)[counts > 0]
+    between = float((sums**2 / counts[counts > 0]).sum() - n * values.mean() ** 2)
+    return max(0.0, 1.0 - (1.0 - between / total) * (n - 1) / (n - parts))
