@@ -75,14 +75,14 @@ class SampledTrain:
         x, y, theta1 = np.moveaxis(body[..., :3], -1, 0)
         theta, rate = body[..., 3 : 3 + self.trailers], body[..., 3 + self.trailers :]
         ahead, left, turning = np.moveaxis(slip, -1, 0)
-        speed, turn = rolling(wheels, *self._wheels)
+        speed, _ = rolling(wheels, *self._wheels)
         before = np.stack(to_world(theta1, speed + ahead, left), axis=-1)
         angles = np.zeros_like(change)
         for i in range(1, self._substeps + 1):
             moved, angles_now = ramp_and_angle(change, self._servo, i * step)
             arc, turned = rolling(angles_now - angles + step * wheels, *self._wheels)
             angles, turned = angles_now, turned + step * turning
-            speed, turn = rolling(wheels + moved, *self._wheels)
+            speed, _ = rolling(wheels + moved, *self._wheels)
             middle = theta1 + 0.5 * turned
             dx, dy = to_world(middle, (arc + step * ahead) * (1.0 - turned**2 / 24.0), step * left)
             x, y, theta1 = x + dx, y + dy, theta1 + turned

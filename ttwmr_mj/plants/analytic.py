@@ -22,7 +22,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import ModelPlant
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
 from ttwmr_mj.plants.train_swing import TrainSwing
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState, hitch_angles
 
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(3)
@@ -148,6 +148,7 @@ def _unstable(step_s: float, longest_s: float, hitch: Hitch) -> InputError:
         got=f"{step_s:g}",
         allowed=f"at most {longest_s:.3g}",
         hint="lower it, or the spring's and damper's constants",
+    )
 
 
 def _total(parts: FloatArray) -> FloatArray:

@@ -86,6 +86,7 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             not scenario.controller.tows_trains,
             repr(scenario.controller.kind),
         ),
+        ("controller", "learn"): (bool(getattr(scenario.controller, "learn", ())), "given"),
         ("reference", "kind"): (not scenario.reference.leads_trains, repr(scenario.reference.kind)),
     }
     for key, (bad, got) in refused.items():

@@ -55,8 +55,8 @@ def improved(
     n, batch = command.shape[:2]
     linear = problem.linearise(state[:-1], command, disturbance)
     beside = (disturbance - planned)[:, : problem.lasting]
-    states = problem.states
-    hessian = np.broadcast_to(beyond[:, :states], (batch, states, states + problem.lasting))
+    width = problem.states
+    hessian = np.broadcast_to(beyond[:, :width], (batch, width, width + problem.lasting))
     end = np.concatenate([state[-1] - target.state[-1], beside], axis=1)
     policy = backward(
         linear.A,
@@ -64,7 +64,7 @@ def improved(
         problem.residual_by_state(state[:-1]),
         problem.residual_by_command,
         problem.residual(state[:-1], command, target, slice(n)),
-        hessian[:, :, :states],
+        hessian[:, :, :width],
         apply(hessian, end),
     )
     lasting = np.broadcast_to(disturbance, (lengths.size, *disturbance.shape))
