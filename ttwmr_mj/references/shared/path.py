@@ -20,11 +20,12 @@ class ReferencePath:
         time_s: (n,) sample times.
         derivatives: (n, batch, 5, 2) position of P and its derivatives to the fourth
             [m, m/s, m/s², m/s³, m/s⁴].
-        theta: (n, batch, 2) θ1 and θ2 [rad], unwrapped; NaN where the reference defines none.
-        theta_rate: (n, batch, 2) [rad/s]; NaN where undefined.
-        theta_acceleration: (n, batch, 2) [rad/s²]; NaN where undefined.
-        flat_derivatives: (n, batch, 5, 2) the trailer's centre of oscillation and its derivatives
-            to the fourth, of references that give it or can.
+        theta: (n, batch, 1 + trailers) θ1, θ2, … [rad], unwrapped; NaN where the reference defines
+            none.
+        theta_rate: (n, batch, 1 + trailers) [rad/s]; NaN where undefined.
+        theta_acceleration: (n, batch, 1 + trailers) [rad/s²]; NaN where undefined.
+        flat_derivatives: (n, batch, 5, 2) the last trailer's centre of oscillation and its
+            derivatives to the fourth, of references that give it or can.
     """
 
     time_s: FloatArray
@@ -81,12 +82,12 @@ class ReferencePath:
 
     @property
     def q(self) -> FloatArray:
-        """(n, batch, 4) x, y, θ1, θ2 (Eq. 2), NaN where undefined."""
+        """(n, batch, 3 + trailers) x, y, θ1, θ2, … (Eq. 2), NaN where undefined."""
         return np.concatenate([self.position_m, self.theta], axis=-1)
 
     @property
     def q_rate(self) -> FloatArray:
-        """(n, batch, 4) rates of q, NaN where undefined."""
+        """(n, batch, 3 + trailers) rates of q, NaN where undefined."""
         return np.concatenate([self.velocity_m_s, self.theta_rate], axis=-1)
 
     @property
