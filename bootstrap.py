@@ -25,6 +25,7 @@ MIN_PYTHON = (3, 11)
 # Debian package -> a library it brings; rendering needs all of them, recording needs none
 OPENGL = {"libegl1": "EGL", "libgl1": "GL"}
 OPENGL_DRIVER = "libgl1-mesa-dri"
+BROWSER = "chromium"  # only for tests: what a person sees of a run that is looked at
 
 RUN = [[str(BIN / "ttwmr"), "run", "lab_circle"]]
 TEST = [
@@ -91,6 +92,12 @@ def install_opengl() -> None:
         say(f"no OpenGL here: camera frames need apt-get install {' '.join(wanted)}; going on")
 
 
+def install_browser() -> None:
+    """A browser for the tests of live pages; without it they are skipped."""
+    if not shutil.which(BROWSER) and not install_debian(BROWSER):
+        say(f"no browser here: tests of live pages need apt-get install {BROWSER}; going on")
+
+
 def main() -> int:
     """Do the job named on the command line; returns the exit code."""
     if sys.version_info < MIN_PYTHON:
@@ -103,6 +110,8 @@ def main() -> int:
     make_environment()
     install_package(extra)
     install_opengl()
+    if sys.argv[1] == "test":
+        install_browser()
     for command in commands:
         say(" ".join(Path(word).name if word.startswith("/") else word for word in command))
         if not run(*command):

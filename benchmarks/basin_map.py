@@ -6,6 +6,7 @@ oscillation stays within 10 mm of its reference over the last fifth of 10 s. The
 own: `flatness` and `tvlqr` hand nothing over. Run it as
 
     python benchmarks/basin_map.py [--cells N] [--only CONTROLLER ...] [--out basin.png]
+        [--set KEY=VALUE]
 
 `--cells` is 8, 16, 32, ...: every start of a grid of 8 by 8 cells is simulated, then those of finer
 grids where the basin's edge is. The last line is JSON.
@@ -39,6 +40,7 @@ def main() -> None:
     parser.add_argument("--cells", type=int, default=32, help="along each axis, 8 times 2ⁿ")
     parser.add_argument("--only", nargs="+", default=list(CONTROLLERS), choices=CONTROLLERS)
     parser.add_argument("--out", type=Path, default=Path("basin.png"))
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE")
     options = parser.parse_args()
     position = np.linspace(-REACH_M, REACH_M, options.cells + 1)
     angle = np.linspace(-REACH_RAD, REACH_RAD, options.cells + 1)
@@ -46,7 +48,7 @@ def main() -> None:
     for kind in options.only:
         started = process_time()
         law = f'controller={{kind="{kind}"{CONTROLLERS[kind]}}}'
-        scenario = load_scenario("inverted_trailer", ["duration_s=10.0", law])
+        scenario = load_scenario("inverted_trailer", ["duration_s=10.0", law, *options.set])
         basin = map_basin(scenario, position, angle, options.cells // COARSE_CELLS)
         basins[kind], cpu_s[kind] = basin, round(process_time() - started, 1)
         print(
@@ -57,6 +59,7 @@ def main() -> None:
     write_basin_figure(basins, options.out, "Trailer inside the circle: from where it is caught")
     shares = {kind: round(basin.share, 4) for kind, basin in basins.items()}
     result = {"benchmark": "basin_map", "caught_share": shares, "cpu_s": cpu_s}
+    result |= {"set": options.set}
     print(json.dumps(result | {"starts": (options.cells + 1) ** 2}))
 
 

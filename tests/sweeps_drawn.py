@@ -58,7 +58,8 @@ def drawn_sweep(
     sets = ["A", "B", *(f"AB_{i}" for i in range(len(axes)))]
     plan = {
         "format": 1, "name": "drawn", "description": "What is not a run.", "scenario": "lab_circle",
-        "folder": "", "overrides": ["duration_s=20.0"], "seeds": list(range(seeds)),
+        "folder": "", "base": {}, "made_of": {},
+        "overrides": ["duration_s=20.0"], "draws": draw + 1, "seeds": list(range(seeds)),
         "sampling": "grid" if samples is None else "sobol" if sensitivity else "random",
         "samples": samples, "sampling_seed": 0, "sensitivity": sensitivity,
         "parameters": {p: {"axis": axes.index(p), "kind": "x", **parameters[p]} for p in axes},

@@ -42,6 +42,16 @@ def ttwmr(*arguments: str, cwd: Path, timeout: float = 120) -> subprocess.Comple
     )
 
 
+def test_the_plots_of_the_article_are_drawn_on_demand(tmp_path: Path) -> None:
+    lean = ["--set", "duration_s=0.3", "--set", "output.recording=false"]
+    words = ["run", "lab_circle", *lean, "--set", "output.figures=false", "--paper-plots"]
+    done = ttwmr(*words, "--out", "out", cwd=tmp_path, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert {path.suffix for path in (tmp_path / "out/figures").iterdir()} == {".png", ".svg"}
+    assert (tmp_path / "out/figures/theta2.svg").is_file()
+    assert not list((tmp_path / "out").glob("summary.*"))
+
+
 def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     done = ttwmr("run", "lab_circle", "--set", "duration_s=2.0", "--seed", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -55,9 +65,10 @@ def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
         "trajectory.parquet",
         "metrics.json",
         "run.rrd",
-        "figures",
+        "summary.png",
+        "summary.svg",
+        "summary.pdf",
     }
-    assert {path.suffix for path in (folder / "figures").iterdir()} == {".png", ".svg"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["schema_version"] == 1
     assert manifest["seed"] == 3

@@ -231,7 +231,8 @@ def test_reports_hold_every_row_once() -> None:
     assert np.concatenate([piece.time_s for piece in pieces]).tolist() == (
         result.trajectory.time_s.tolist()
     )
-    assert set(result.wall_time_s) == {"plant", "sensing", "controller", "loop", "report"}
+    parts = {"plant", "sensing", "controller", "loop", "report", "pace"}
+    assert set(result.wall_time_s) == parts
     assert result.control_time_s.shape == (10,)
     assert (result.control_time_s > 0).all()
 

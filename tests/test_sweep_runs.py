@@ -19,7 +19,7 @@ from sweeps import SMALL, written
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.studies.sweep.engine import NUMBERS
 
-CONTACT = SMALL.replace('"plant.kind=analytic", ', "")
+CONTACT = SMALL.replace('"plant.kind=analytic"', '"output.figures=false"')
 LAW = """
 import os, signal
 import ttwmr_mj as tt
@@ -182,9 +182,9 @@ def test_killed_at_any_moment_the_same_command_goes_on(tmp_path: Path) -> None:
     arguments = (path, "--out", "out", "--quiet", "--chunk", "1", "--workers", "2")
     shards = tmp_path / "out" / "shards"
     counts = []
-    for goal in (1, 5, 9):
+    for goal in (1, 5):
         sweep = start(*arguments, cwd=tmp_path)
-        deadline = time.monotonic() + 120
+        deadline = time.monotonic() + 600
         while len(list(shards.glob("*/*.parquet"))) < goal:
             assert time.monotonic() < deadline
             assert sweep.poll() is None
@@ -195,7 +195,7 @@ def test_killed_at_any_moment_the_same_command_goes_on(tmp_path: Path) -> None:
         assert not (tmp_path / "out" / "results.parquet").exists()
     before = {p: p.stat().st_mtime_ns for p in shards.glob("*/*.parquet")}
     sweep = start(*arguments, cwd=tmp_path)
-    assert sweep.wait(timeout=120) == 0
+    assert sweep.wait(timeout=600) == 0
     assert {p: p.stat().st_mtime_ns for p in before} == before  # nothing was computed twice
     assert len(list(shards.glob("*/*"))) == 16
     assert digest(tmp_path / "out") == digest(tmp_path / "whole")
@@ -207,12 +207,12 @@ def test_ctrl_c_says_how_to_go_on(tmp_path: Path) -> None:
     arguments = (path, "--out", "out", "--quiet", "--chunk", "1", "--workers", "1")
     sweep = start(*arguments, cwd=tmp_path)
     shards = tmp_path / "out" / "shards"
-    deadline = time.monotonic() + 120
+    deadline = time.monotonic() + 600
     while not list(shards.glob("*/*.parquet")):
         assert time.monotonic() < deadline
         time.sleep(0.01)
     os.kill(sweep.pid, signal.SIGINT)
-    _, said = sweep.communicate(timeout=60)
+    _, said = sweep.communicate(timeout=300)
     assert sweep.returncode == 1
     assert f"stopped; what is done is kept in out. To go on: ttwmr sweep {path} --out out" in said
     assert "Traceback" not in said

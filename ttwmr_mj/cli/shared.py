@@ -78,7 +78,8 @@ class Live(Quiet):
         from ttwmr_mj.runs.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
 
         speed = float(self.live is not None) if self.pace is None else self.pace
-        return Pace(speed, REPORT_EVERY_S if self.live is None else LIVE_REPORT_EVERY_S)
+        looked_at = self.live is not None and speed > 0.0
+        return Pace(speed, LIVE_REPORT_EVERY_S if looked_at else REPORT_EVERY_S)
 
     def check_recording(self, scenario: Scenario) -> None:
         """What is shown is the recording.

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.viewer import choose_viewer
@@ -30,4 +30,5 @@ def viewing(wish: str | None) -> Iterator[LiveView | None]:
             print(f"ttwmr: warning: the viewer ended early: {live.fault}", file=sys.stderr)
         if live.viewer.page and live.alive and sys.stdin.isatty():
             print("the page is served until Ctrl-C", flush=True)
-            live.linger()
+            with suppress(KeyboardInterrupt):
+                live.wait()

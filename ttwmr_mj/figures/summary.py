@@ -211,7 +211,7 @@ def _draw_wheels(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
         axes.plot(run.time_s, speeds[:, wheel], color=colour, label=name, linewidth=0.9)
     sides = [limit] if np.nanmin(speeds) > -0.05 * limit else [limit, -limit]
     for i, side in enumerate(sides):
-        looks = {"color": style.GREY, "linestyle": (0, (4, 2)), "linewidth": 0.8}
+        looks: dict[str, Any] = {"color": style.GREY, "linestyle": (0, (4, 2)), "linewidth": 0.8}
         axes.axhline(side, label=None if i else "limit", **looks)
     axes.set_ylim(bottom=0.0 if len(sides) == 1 and np.nanmin(speeds) >= 0.0 else None)
     axes.set_ylabel("wheels [rad/s]")

@@ -86,7 +86,8 @@ class Target:
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
         """Move pin, places and arrows to the reference at the next rows that have one."""
-        ref_q, known = rows.ref_q[:, 0], np.isfinite(rows.ref_q[:, 0, :2]).all(axis=1)
+        ref_q = rows.ref_q[:, 0]
+        known: BoolArray = np.asarray(np.isfinite(ref_q[:, :2]).all(axis=1))
         told = known & ((np.arange(len(rows)) + self._rows) % TEXT_EVERY == 0)
         self._rows += len(rows)
         if known.any():

@@ -217,18 +217,24 @@ def _simulate(
     """Run, with a recorder open if one is wanted: the recording is readable whatever happens."""
     scenario = experiment.scenario
     with ExitStack() as stack:
-        recorder = None
-        if scenario.output.recording:
-            recorder = stack.enter_context(_recorder(experiment, folder, pace, live))
+        recorders: list[RunRecorder] = []  # one, once it is open, or none
+
+        def close() -> None:
+            for recorder in recorders:
+                recorder.close()
+
+        stack.callback(close)
         background = stack.enter_context(Background())
-        report = _reporter(experiment, background, recorder, frames, progress, pace)
+        if scenario.output.recording:  # opened beside the loop, which takes some 50 ms
+            background.do(lambda: recorders.append(_recorder(experiment, folder, pace, live)))
+        report = _reporter(experiment, background, recorders, frames, progress, pace)
         result = experiment.run(report, pace=pace)
         background.wait()
         if replayed is not None:
             scenario = replayed(result)
             asked = demands_of(scenario, experiment.reference)
             result = replace(result, scenario=scenario, demands=asked)
-        if recorder is not None:
+        for recorder in recorders:
             wall_time_s = sum(result.wall_time_s.values())
             metrics = metrics_of(result, scenario, wall_time_s)
             recorder.finish(result_text(scenario, metrics, pace.told()), details_text(metrics))
@@ -238,7 +244,7 @@ def _simulate(
 def _reporter(
     experiment: Experiment,
     background: Background,
-    recorder: RunRecorder | None,
+    recorders: list[RunRecorder],
     frames: FrameExport | None,
     progress: Progress | None,
     pace: Pace,
@@ -256,7 +262,7 @@ def _reporter(
         records = [] if camera is None else camera.drain_log()
 
         def record() -> None:
-            if recorder is not None:
+            for recorder in recorders:
                 recorder.append(rows)
                 if late:
                     recorder.append_pace(rows.time_s, late)

@@ -15,7 +15,7 @@ from ttwmr_mj.runs.loop import Outcome, Report
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
-from ttwmr_mj.runs.verdict import demands_of, verdict_on
+from ttwmr_mj.runs.verdict import verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -130,5 +130,5 @@ class Experiment:
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
-            demands=demands_of(self.scenario, self.reference),
+            demands=self._simulations.demands[0],
         )

@@ -22,8 +22,8 @@ FORMATS: dict[str, dict[str, Any]] = {
     ".gif": {},
 }
 GIF_SOURCE: dict[str, Any] = {"codec": "libx264", "output_params": ["-crf", "8"]}
-# one palette for the whole film; errors are not spread over neighbours, which would flicker
-GIF_FILTER = "[0:v]palettegen=stats_mode=diff[p];[1:v][p]paletteuse=dither=bayer:bayer_scale=4"
+# one palette for the whole film; no dithering, which flickers and doubles the size
+GIF_FILTER = "[0:v]palettegen=stats_mode=full[p];[1:v][p]paletteuse=dither=none"
 
 
 def check_format(path: Path) -> str:

@@ -28,7 +28,11 @@ STRIP_SHARE = 0.28  # of the height
 CHASE_SHARE = 0.64  # of the width, where both views are shown
 INK: Colour = (30, 34, 40)
 GIF_SHRINK = 2
-FPS = {".mp4": 30.0, ".webm": 30.0, ".gif": 15.0}
+FPS = {
+    ".mp4": 30.0,
+    ".webm": 30.0,
+    ".gif": 12.5,
+}  # whole hundredths of a second per frame, which is what a GIF counts in
 
 
 def make_video(

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.outline import chassis, outline
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
@@ -36,8 +36,7 @@ class Map:
 
     def __init__(self, footage: Footage, width: int, height: int) -> None:
         self._footage = footage
-        self._paths = {name: footage.at(footage.paths_m()[name]) for name in LINES}
-        whole = footage.paths_m()
+        self._paths = whole = footage.paths_m()
         points = np.concatenate(list(whole.values()))
         low, high = np.nanmin(points, axis=0) - MARGIN_M, np.nanmax(points, axis=0) + MARGIN_M
         free = np.array([width, height - TOP_PX - BOTTOM_PX])
@@ -48,7 +47,7 @@ class Map:
         self._draw_grid(width, height)
         for name, band in BANDS.items():
             self._line(self._ground, whole[name], style.REFERENCE_BAND, band)
-        self._drawn = 0  # frame up to which the driven paths are on the ground
+        self._drawn = 0  # row of the run up to which the driven paths are on the ground
         self._until(0)
         model = build_model(footage.scenario.robot, footage.scenario.plant.contact)
         poses = BodyPoses(model)
@@ -87,11 +86,13 @@ class Map:
 
     def _until(self, frame: int) -> None:
         """Draw what was driven since the last frame."""
-        if frame > self._drawn:
+        time_s = self._footage.rows.time_s
+        row = int(np.searchsorted(time_s, self._footage.time_s[frame], side="right")) - 1
+        if row > self._drawn:
             for name, colour in LINES.items():
-                piece = self._paths[name][self._drawn : frame + 1]
+                piece = self._paths[name][self._drawn : row + 1]
                 self._line(self._ground, piece, colour, 2)
-            self._drawn = frame
+            self._drawn = row
 
     def _draw_grid(self, width: int, height: int) -> None:
         ends_px = np.array([[0.0, height], [width, 0.0]])

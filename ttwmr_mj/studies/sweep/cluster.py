@@ -10,10 +10,11 @@ from __future__ import annotations
 import pickle
 import subprocess
 import sys
-from collections.abc import Generator, Iterable
+from collections.abc import Generator, Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError, MachineError, TtwmrError
+from ttwmr_mj.errors import Fault, InputError, MachineError, RunError, TtwmrError
 from ttwmr_mj.studies.sweep.compute import Broke, Compute, Outcome, computed
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -32,10 +33,22 @@ def on_cluster(address: str) -> Compute:
     """
 
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
-        with _client(address) as client:
+        with _client(address) as client, client.as_current(), _scheduler_lost(address):
             yield from _computed(client, plan, chunks)
 
     return compute
+
+
+@contextmanager
+def _scheduler_lost(address: str) -> Iterator[None]:
+    """Say so in words."""
+    from distributed.client import FuturesCancelledError
+
+    try:
+        yield
+    except (FuturesCancelledError, OSError) as error:
+        kept = "what is done is kept; the same command goes on"
+        raise RunError(f"the Dask scheduler at {address} is gone; {kept}") from error
 
 
 def _client(address: str) -> Any:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.studies.sweep.answers.scales import WIDE, plain_log
+from ttwmr_mj.figures.scales import WIDE, plain_log
 from ttwmr_mj.studies.sweep.answers.words import number, parameter_label
 
 if TYPE_CHECKING:

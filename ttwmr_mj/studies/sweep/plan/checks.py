@@ -54,25 +54,24 @@ def check_plan(
     Raises:
         InputError: some rows cannot be run.
     """
-    _refuse(_ends(plan), source, plan.rows)
+    _refuse(_ends(plan), source)
     rows = _rows_to_check(plan)
-    _refuse(_in_processes(plan, rows, workers, progress), source, plan.rows)
+    _refuse(_in_processes(plan, rows, workers, progress), source)
     return len(rows) * (1 if _seeds_matter(plan) else len(plan.seeds)) >= plan.rows
 
 
-def _refuse(found: Iterable[Found], source: str, rows: int) -> None:
+def _refuse(found: Iterable[Found], source: str) -> None:
     """Tell of each kind of fault once."""
     kinds: dict[tuple[object, ...], Found] = {}
     for one in found:
         known = kinds.get(one.kind)
-        count = one.count + (known.count if known else 0)
-        kinds[one.kind] = replace(known or one, count=count)
+        first = one if known is None or one.row < known.row else known
+        kinds[one.kind] = replace(first, count=one.count + (known.count if known else 0))
     if not kinds:
         return
     faults = [_told(one) for one in list(kinds.values())[:SHOWN]]
     if len(kinds) > SHOWN:
         faults.append(Fault(problem=f"and {len(kinds) - SHOWN} more kinds of faults"))
-    del rows
     raise InputError(*faults, file=source)
 
 

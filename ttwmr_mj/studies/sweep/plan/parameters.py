@@ -7,11 +7,12 @@ finitely many values, else by the inverse of the distribution function.
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
-from pydantic import Field, ValidationError, model_validator
+from pydantic import AfterValidator, Field, ValidationError, model_validator
 
 from ttwmr_mj.config import Config
 from ttwmr_mj.errors import Fault
@@ -19,8 +20,25 @@ from ttwmr_mj.scenario.faults import faults_of
 from ttwmr_mj.state import FloatArray
 
 Value = float | int | str | bool
-Values = Annotated[list[Value], Field(min_length=1)]
-HALF_STEP = 2.0**-54  # keeps a distribution's ends, which may be infinite, away
+
+
+def _finite(given: Any) -> Any:
+    """A number that can be counted with, whole or not; a whole one stays whole."""
+    if isinstance(given, bool) or not isinstance(given, int | float):
+        raise ValueError("this is no number")
+    if not math.isfinite(given):
+        raise ValueError("this is not a finite number")
+    return given
+
+
+def _plain(given: Any) -> Any:
+    """A finite number, a text or a truth value: what a column of a table can hold."""
+    return given if isinstance(given, str | bool) else _finite(given)
+
+
+Number = Annotated[Any, AfterValidator(_finite)]
+Values = Annotated[list[Annotated[Any, AfterValidator(_plain)]], Field(min_length=1)]
+EPS = 2.0**-53  # keeps a distribution's ends, which may be infinite, away
 MOST_VALUES = 100_000  # of one parameter
 
 
@@ -52,7 +70,7 @@ class Parameter(Config):
     def of_unit(self, unit: FloatArray) -> list[Value]:
         """Values for numbers of [0, 1)."""
         if self.values is None:
-            inside = np.clip(unit, HALF_STEP, 1.0 - 2 * HALF_STEP)
+            inside = np.clip(unit, EPS, 1.0 - EPS)
             drawn: list[Value] = self.quantile(inside).tolist()
             return drawn
         return [self.values[i] for i in self.index_of_unit(unit)]
@@ -70,10 +88,11 @@ class Parameter(Config):
 
     @property
     def extremes(self) -> list[Value]:
-        """Values to try first: all of a short list, else the ends and the middle."""
+        """Values to try first: all of a short list, else the middle and what may well be drawn."""
         if self.values is not None and len(self.values) <= MOST_TRIED:
             return list(self.values)
-        return self.of_unit(np.array([0.0, 0.5, 1.0 - 2 * HALF_STEP]))
+        # a normal distribution's ends may be no value of the key, and are never drawn
+        return self.of_unit(np.array([0.25, 0.5, 0.75] if self.drawn else [0.0, 0.5, 1.0 - EPS]))
 
 
 MOST_TRIED = 64
@@ -99,8 +118,8 @@ class Range(Parameter):
     kind: ClassVar[str] = "range"
     drawn: ClassVar[bool] = False
 
-    low: float | int
-    high: float | int
+    low: Number
+    high: Number
     count: int | None = Field(default=None, ge=2, le=MOST_VALUES)
     spacing: Literal["linear", "log"] = Field(
         default="linear", description="log: equal ratios, not equal differences"
