@@ -61,8 +61,8 @@ def main() -> None:
     same = len(set(rows.values())) == 1
     print("same trajectories" if same else "trajectories differ")
     medians = {name: statistics.median(values) for name, values in factors.items()}
-    used = {name: statistics.median(values) for name, values in used_s.items()}
-    print(json.dumps({"real_time_factor": medians, "processor_s": used, "same_bits": same}))
+    spent = {name: statistics.median(values) for name, values in used_s.items()}
+    print(json.dumps({"real_time_factor": medians, "processor_s": spent, "same_bits": same}))
 
 
 if __name__ == "__main__":
