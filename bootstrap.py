@@ -2,7 +2,7 @@
 """Set everything up on a bare Debian and do one of the two main things.
 
     python3 bootstrap.py run    set up, then run the laboratory circle in contact physics
-    python3 bootstrap.py test   set up, then check style, types and imports and run all tests
+    python3 bootstrap.py test   set up, then check style, types and imports and run the quick tests
 
 Needs Python 3.11 or newer, and git to have got here. Everything goes into .venv beside this file;
 Debian packages (Python's venv, software OpenGL for camera frames) are installed where that is
@@ -25,6 +25,7 @@ MIN_PYTHON = (3, 11)
 # Debian package -> a library it brings; rendering needs all of them, recording needs none
 OPENGL = {"libegl1": "EGL", "libgl1": "GL"}
 OPENGL_DRIVER = "libgl1-mesa-dri"
+BROWSER = "chromium"  # only for tests: what a person sees of a run that is looked at
 
 RUN = [[str(BIN / "ttwmr"), "run", "lab_circle"]]
 TEST = [
@@ -32,7 +33,7 @@ TEST = [
     [str(BIN / "ruff"), "format", "--check", "."],
     [str(BIN / "mypy")],
     [str(BIN / "lint-imports")],
-    [str(BIN / "pytest"), "-n", "2"],
+    [str(BIN / "pytest"), "-n", "2", "-m", "not slow"],
 ]
 
 
@@ -91,6 +92,12 @@ def install_opengl() -> None:
         say(f"no OpenGL here: camera frames need apt-get install {' '.join(wanted)}; going on")
 
 
+def install_browser() -> None:
+    """A browser for the tests of live pages; without it they are skipped."""
+    if not shutil.which(BROWSER) and not install_debian(BROWSER):
+        say(f"no browser here: tests of live pages need apt-get install {BROWSER}; going on")
+
+
 def main() -> int:
     """Do the job named on the command line; returns the exit code."""
     if sys.version_info < MIN_PYTHON:
@@ -103,6 +110,8 @@ def main() -> int:
     make_environment()
     install_package(extra)
     install_opengl()
+    if sys.argv[1] == "test":
+        install_browser()
     for command in commands:
         say(" ".join(Path(word).name if word.startswith("/") else word for word in command))
         if not run(*command):

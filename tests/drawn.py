@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ET
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,15 +18,20 @@ def labels(figure: Path) -> list[str]:
     return ["".join(e.itertext()) for e in root.iter() if e.tag.endswith("text")]
 
 
-def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, tuple[list, list]]]:
-    """Figure → label of a curve → what is drawn (x, y), filled as figures are written."""
+def drawn(
+    monkeypatch: pytest.MonkeyPatch, module: str = "ttwmr_mj.figures.canvas"
+) -> dict[str, dict[str, tuple[list, list]]]:
+    """Figure → label of a curve → what is drawn (x, y), filled as figures are written.
 
-    from ttwmr_mj.figures import canvas
+    `module` is the one whose `save` is called.
+    """
+
+    drawer = import_module(module)
 
     curves: dict[str, dict[str, tuple[list, list]]] = {}
-    save = canvas.save
+    save = drawer.save
 
-    def spy(figure: Figure, path: Path) -> Path:
+    def spy(figure: Figure, path: Path, *dpi: float) -> Path:
         lines = [
             (axes.get_ylabel() or axes.get_title("left"), line)
             for axes in figure.axes
@@ -40,7 +46,7 @@ def drawn(monkeypatch: pytest.MonkeyPatch) -> dict[str, dict[str, tuple[list, li
             )
             for name, (axis, line) in zip(names, lines, strict=True)
         }
-        return save(figure, path)
+        return save(figure, path, *dpi)
 
-    monkeypatch.setattr(canvas, "save", spy)
+    monkeypatch.setattr(drawer, "save", spy)
     return curves

@@ -58,12 +58,14 @@ def drawn_sweep(
     sets = ["A", "B", *(f"AB_{i}" for i in range(len(axes)))]
     plan = {
         "format": 1, "name": "drawn", "description": "What is not a run.", "scenario": "lab_circle",
-        "folder": "", "overrides": ["duration_s=20.0"], "seeds": list(range(seeds)),
+        "folder": "", "base": {}, "made_of": {},
+        "overrides": ["duration_s=20.0"], "draws": draw + 1, "seeds": list(range(seeds)),
         "sampling": "grid" if samples is None else "sobol" if sensitivity else "random",
         "samples": samples, "sampling_seed": 0, "sensitivity": sensitivity,
         "parameters": {p: {"axis": axes.index(p), "kind": "x", **parameters[p]} for p in axes},
         "variants": {name: [f"controller.kind={name}"] for name in variants},
-        "headline_metric": headline, "digest": "0123456789abcdef", "rows": row + 1,
+        "headline_metric": headline, "timeout_s": 300.0, "rows": row + 1,
+        "digest": "0123456789abcdef",
         "sensitivity_design": {"base_samples": samples, "sets": sets} if sensitivity else None,
     }  # fmt: skip
     (folder / "plan.json").write_text(json.dumps(plan))

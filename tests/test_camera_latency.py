@@ -26,7 +26,10 @@ def drive(learns: bool, *sets: str) -> tuple[float, str, Experiment]:
     return centre, result.verdicts[0].name, experiment
 
 
-@pytest.mark.parametrize(("late", "extra_s"), [(LATE, 0.033), ("sensing.latency_s=0.0", -0.033)])
+@pytest.mark.parametrize(
+    ("late", "extra_s"),
+    [(LATE, 0.033), pytest.param("sensing.latency_s=0.0", -0.033, marks=pytest.mark.slow)],
+)
 def test_it_is_found_and_made_up_for(late: str, extra_s: float) -> None:
     centre, verdict, experiment = drive(True, late)
     sensor = experiment.sensor
@@ -39,6 +42,7 @@ def test_it_is_found_and_made_up_for(late: str, extra_s: float) -> None:
     assert centre < 5e-3  # without learning 20 and 43 mm
 
 
+@pytest.mark.slow
 def test_without_it_the_trailer_is_lost() -> None:
     centre, verdict, experiment = drive(False, LATE)
     assert isinstance(experiment.sensor, CameraSensor)

@@ -160,7 +160,7 @@ def test_a_latency_of_commands_that_is_told_costs_nothing(law: str) -> None:
     error = {}
     for sets in ("", "control.command_latency_s=0.066", "belief.command_latency_s=0.0"):
         lines = [f'controller={{kind="{law}", recovery="own"}}']
-        lines += ["duration_s=8", "plant.kind=analytic"]
+        lines += ["duration_s=6", "plant.kind=analytic"]
         lines += ["control.command_latency_s=0.066"] * (sets != "") + [sets] * (sets != "")
         scenario = tt.load_scenario("inverted_trailer", lines)
         (numbers,) = tt.score(Experiment(scenario).run().trajectory, scenario.robot)

@@ -42,6 +42,16 @@ def ttwmr(*arguments: str, cwd: Path, timeout: float = 120) -> subprocess.Comple
     )
 
 
+def test_the_plots_of_the_article_are_drawn_on_demand(tmp_path: Path) -> None:
+    lean = ["--set", "duration_s=0.3", "--set", "output.recording=false"]
+    words = ["run", "lab_circle", *lean, "--set", "output.figures=false", "--paper-plots"]
+    done = ttwmr(*words, "--out", "out", cwd=tmp_path, timeout=600)
+    assert done.returncode == 0, done.stderr
+    assert {path.suffix for path in (tmp_path / "out/figures").iterdir()} == {".png", ".svg"}
+    assert (tmp_path / "out/figures/theta2.svg").is_file()
+    assert not list((tmp_path / "out").glob("summary.*"))
+
+
 def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     done = ttwmr("run", "lab_circle", "--set", "duration_s=2.0", "--seed", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -55,9 +65,10 @@ def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
         "trajectory.parquet",
         "metrics.json",
         "run.rrd",
-        "figures",
+        "summary.png",
+        "summary.svg",
+        "summary.pdf",
     }
-    assert {path.suffix for path in (folder / "figures").iterdir()} == {".png", ".svg"}
     manifest = json.loads((folder / "manifest.json").read_text())
     assert manifest["schema_version"] == 1
     assert manifest["seed"] == 3
@@ -185,7 +196,8 @@ def test_a_failed_run_is_exit_code_1_with_its_reason_and_its_files(tmp_path: Pat
         'name = "mine"\nduration_s = 2.0\n[reference]\nkind = "none"\n'
         '[controller]\nkind = "custom"\ntarget = "misbehaving:Broken"\n'
     )
-    done = ttwmr("run", "mine.toml", "--out", "out", cwd=tmp_path)
+    mine = ("run", "mine.toml", "--set", "output.figures=false")
+    done = ttwmr(*mine, "--out", "out", cwd=tmp_path)
     assert done.returncode == 1
     assert "mine failed at 0.165 s" in done.stderr
     assert "ZeroDivisionError: of its own making" in done.stderr
@@ -195,7 +207,7 @@ def test_a_failed_run_is_exit_code_1_with_its_reason_and_its_files(tmp_path: Pat
     assert "ZeroDivisionError" in metrics["reason"]
     assert metrics["tractor_rmse_m"] is None
     assert recorded_rows(tmp_path / "out" / "run.rrd") == 6
-    debugged = ttwmr("run", "mine.toml", "--out", "out2", "--debug", cwd=tmp_path)
+    debugged = ttwmr(*mine, "--out", "out2", "--debug", cwd=tmp_path)
     assert "raise ZeroDivisionError" in debugged.stderr
 
 
@@ -212,8 +224,9 @@ def recorded_rows(path: Path, *, torn: bool = False) -> int:
         merge = [sys.executable, "-m", "rerun", "rrd", "merge", str(path), "-o", str(whole)]
         subprocess.run(merge, check=True, capture_output=True, timeout=60)
         path = whole
-    batches = RrdReader(path).stream().filter(content="/world/tractor").to_chunks()
-    return max((chunk.num_rows for chunk in batches), default=0)
+    chunks = RrdReader(path).stream().filter(content="/world/tractor").to_chunks()
+    batches = [chunk.to_record_batch() for chunk in chunks]
+    return sum(batch.num_rows for batch in batches if "sim_time" in batch.schema.names)
 
 
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])

@@ -16,12 +16,14 @@ from ttwmr_mj.cli.commands.bench import Bench
 from ttwmr_mj.cli.commands.calibrate import Calibrate
 from ttwmr_mj.cli.commands.compare import Compare
 from ttwmr_mj.cli.commands.doctor import Doctor
+from ttwmr_mj.cli.commands.drive import DriveCommand
 from ttwmr_mj.cli.commands.export_schema import ExportSchema
 from ttwmr_mj.cli.commands.list import List
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
 from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
+from ttwmr_mj.cli.commands.video import VideoCommand
 from ttwmr_mj.cli.commands.view import View
 from ttwmr_mj.cli.engine import load_subcommands
 from ttwmr_mj.cli.main import main, parse
@@ -32,26 +34,41 @@ NAMES = (
     "calibrate",
     "compare",
     "doctor",
+    "drive",
     "export-schema",
     "list",
     "reproduce",
     "run",
+    "sweep",
     "track",
     "validate",
+    "video",
     "view",
 )
 SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
-    f"run a.toml {SHARED} --out o --force --quiet --save-frames --require lost --debug": RunCommand(
-        scenario="a.toml", save_frames=True, require="lost", debug=True, **OVERRIDES, **FOLDER
+    f"run a.toml {SHARED} --out o --force --quiet --save-frames --paper-plots --require lost "
+    "--live --pace 0.5 --debug": RunCommand(
+        scenario="a.toml",
+        live="auto",
+        pace=0.5,
+        save_frames=True,
+        paper_plots=True,
+        require="lost",
+        debug=True,
+        **OVERRIDES,
+        **FOLDER,
     ),
     f"validate a.toml b.toml {SHARED} --debug": Validate(
         scenarios=("a.toml", "b.toml"), debug=True, **OVERRIDES
     ),
     f"compare a {SHARED} --mode closed_loop --real-wheels --no-attribution --converge --fit "
-    "--validate-on b --tolerance t.toml --out o --force --quiet --debug": Compare(
+    "--validate-on b --tolerance t.toml --out o --force --quiet --live=web --pace 2 "
+    "--debug": Compare(
+        live="web",
+        pace=2.0,
         scenario="a",
         mode="closed_loop",
         real_wheels=True,
@@ -75,16 +92,35 @@ EVERYTHING = {
         debug=True,
         **OVERRIDES,
     ),
-    "track v.avi --calibration c.yaml --scenario a --frames 7 --out o --force --quiet --debug": (
-        TrackCommand(
-            source="v.avi", calibration=Path("c.yaml"), scenario="a", frames=7, debug=True, **FOLDER
-        )
+    "track v.avi --calibration c.yaml --scenario a --frames 7 --out o --force --quiet --debug "
+    "--live=rerun+http://h:1/proxy --pace 0": TrackCommand(
+        source="v.avi",
+        calibration=Path("c.yaml"),
+        scenario="a",
+        frames=7,
+        live="rerun+http://h:1/proxy",
+        pace=0.0,
+        debug=True,
+        **FOLDER,
+    ),
+    f"drive a {SHARED} --live=none --longest 9 --out o --force --quiet --debug": DriveCommand(
+        scenario="a", live="none", longest=9.0, debug=True, **OVERRIDES, **FOLDER
+    ),
+    "video r -o r.gif --view chase --speed 2 --start 1 --stop 3 --quiet --debug": VideoCommand(
+        run=Path("r"),
+        out=Path("r.gif"),
+        view="chase",
+        speed=2.0,
+        start=1.0,
+        stop=3.0,
+        quiet=True,
+        debug=True,
     ),
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
     ),
     "list --debug": List(debug=True),
-    "view r.rrd --debug": View(recording=Path("r.rrd"), debug=True),
+    "view r.rrd --web --debug": View(recording=Path("r.rrd"), web=True, debug=True),
     "doctor --debug": Doctor(debug=True),
     "export-schema --out s.json --debug": ExportSchema(out=Path("s.json"), debug=True),
 }
@@ -93,6 +129,9 @@ NOTHING = {
         "scenario": "a",
         "require": None,
         "save_frames": False,
+        "paper_plots": False,
+        "live": None,
+        "pace": None,
         "overrides": (),
         "fragment": None,
         "seed": None,
@@ -119,7 +158,9 @@ NOTHING = {
     },
     "track 0 --calibration c.yaml": {"source": "0", "scenario": "lab_circle", "frames": None},
     "reproduce": {"out": Path("results/reproduce"), "only": ()},
-    "view": {"recording": None},
+    "view": {"recording": None, "web": False},
+    "drive": {"scenario": "lab_circle", "live": "auto", "longest": 600.0},
+    "video r": {"out": Path("run.mp4"), "view": "both", "speed": 1.0, "start": 0.0, "stop": None},
     "export-schema": {"out": None},
 }
 
@@ -269,8 +310,10 @@ def test_who_stops_reading_hears_no_complaint() -> None:
 
 
 def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    scripts = tmp_path / "bin"
-    monkeypatch.setattr("sysconfig.get_path", lambda _: str(scripts))
+    package = tmp_path / "bin"
+    found = SimpleNamespace(origin=str(package / "__init__.py"))
+    monkeypatch.setattr("importlib.util.find_spec", lambda _: found)
+    monkeypatch.setattr("ttwmr_mj.recording.viewer.display", lambda: ":0")
     monkeypatch.chdir(tmp_path)
     for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
@@ -278,9 +321,9 @@ def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         os.utime(name, (100 + k % 2, 100 + k % 2))  # c.rrd is the newest
     with pytest.raises(MachineError, match="pip install rerun-sdk"):
         main(["view", "--debug"])
-    scripts.mkdir()
-    (scripts / "rerun").write_text("#!/bin/sh\necho $1 > seen\nexit 3\n")
-    (scripts / "rerun").chmod(0o755)
+    package.mkdir()
+    (package / "rerun").write_text("#!/bin/sh\nfor last; do :; done\necho $last > seen\nexit 3\n")
+    (package / "rerun").chmod(0o755)
     for words, opened in (
         (["view"], "results/new/c.rrd"),
         (["view", "results/new"], "results/new/a.rrd"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -66,27 +66,59 @@ def test_paths_deviations_slip_and_residuals_are_drawn(
     assert {"turn", "angles [mrad]", "time [s]"} <= set(labels(tmp_path / "deviation.svg"))
 
 
-def test_bars_say_what_contributes(
-    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    widths: list[list[float]] = []
-    barh = Axes.barh
+ROWS = [
+    row("servo", 0.003, 0.75),
+    row("rest", -1e-9, -2.5e-7),  # nothing, and no minus sign either
+    row("total", 0.004, 1.0),
+]
+EMPTY = [row("servo", 0.0, None), row("rest", 0.0, None), row("total", 0.0, None)]
+NAMES = ("position_deviation_max_m", "theta1_deviation_max_rad", "theta2_deviation_max_rad")
+CONVERGENCE = SimpleNamespace(
+    timestep_s=np.array([0.002, 0.001]),
+    deviations={name: (k + 1) * np.array([2e-3, 1e-3]) for k, name in enumerate(NAMES)},
+    orders={NAMES[0]: 1.0, NAMES[1]: None, NAMES[2]: 0.987},
+)
+FITTED = [f"{q}_deviation_rms_{unit}" for q, unit in (("position", "m"), ("theta1", "rad"))]
+FITTED += ["position_deviation_max_m", "theta2_deviation_rms_rad", "theta2_deviation_max_rad"]
+FIT = SimpleNamespace(
+    training=Gain("seen", dict.fromkeys(FITTED, 12.0), dict.fromkeys(FITTED, 1.0)),
+    validation=Gain("unseen", dict.fromkeys(FITTED, 7.0), dict.fromkeys(FITTED, 1.0)),
+)
+
+
+class Studies(NamedTuple):
+    """Figures of a comparison with all its studies, and what was drawn."""
+
+    folder: Path
+    curves: dict[str, dict[str, tuple[list, list]]]
+    widths: list[list[float]]
+
+
+@pytest.fixture(scope="module")
+def studies(pair: Pair, tmp_path_factory: pytest.TempPathFactory) -> Studies:
+    folder, widths, barh = tmp_path_factory.mktemp("studies"), [], Axes.barh
 
     def spy(axes: Axes, names: list[str], width: list[float], **looks: Any) -> Any:
         widths.append(width)
         return barh(axes, names, width, **looks)
 
-    monkeypatch.setattr(Axes, "barh", spy)
-    rows = [
-        row("servo", 0.003, 0.75),
-        row("rest", -1e-9, -2.5e-7),  # nothing, and no minus sign either
-        row("total", 0.004, 1.0),
-    ]
-    empty = [row("servo", 0.0, None), row("rest", 0.0, None), row("total", 0.0, None)]
-    tables = {"position": rows, "theta2": empty}
-    write_compare_figures(pair, tmp_path, "turn", attribution=SimpleNamespace(tables=tables))
-    assert widths == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
-    texts = labels(tmp_path / "attribution.svg")
+    stack = {"servo": np.array([1e-3, 2e-3]), "rest": np.array([-1e-3, 0.0])}
+    stack["total"] = stack["servo"] + stack["rest"]
+    attribution = SimpleNamespace(
+        tables={"position": ROWS, "theta2": EMPTY},
+        curves={"position": stack, "theta2": stack},
+        time_s=np.array([0.0, 0.1]),
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(Axes, "barh", spy)
+        curves = drawn(patch)
+        write_compare_figures(pair, folder, "turn", attribution, CONVERGENCE, FIT)
+    return Studies(folder, curves, widths)
+
+
+def test_bars_say_what_contributes(studies: Studies) -> None:
+    assert studies.widths[:2] == [[4.0, 0.0, 3.0], [0.0, 0.0, 0.0]]
+    texts = labels(studies.folder / "attribution.svg")
     assert "rms deviation of P [mm]" in texts
     assert "rms deviation of θ2 [mrad]" in texts
     assert [text for text in texts if text.endswith(" %")] == ["100.0 %", "0.0 %", "75.0 %"]
@@ -94,37 +126,28 @@ def test_bars_say_what_contributes(
     assert "total (rms)" in texts
 
 
-def test_the_study_of_convergence_is_a_line_per_angle_and_position(
-    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = ("position_deviation_max_m", "theta1_deviation_max_rad", "theta2_deviation_max_rad")
-    convergence = SimpleNamespace(
-        timestep_s=np.array([0.002, 0.001]),
-        deviations={name: (k + 1) * np.array([2e-3, 1e-3]) for k, name in enumerate(names)},
-        orders={names[0]: 1.0, names[1]: None, names[2]: 0.987},
-    )
-    curves = drawn(monkeypatch)
-    write_compare_figures(pair, tmp_path, "turn", convergence=convergence)
-    assert curves["convergence"] == {
-        "P [mm]: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
-        "θ1 [mrad]": ([2.0, 1.0], [4.0, 2.0]),
-        "θ2 [mrad]: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
+def test_contributions_are_stacked_below_what_was_measured(studies: Studies) -> None:
+    for label in ("deviation of P\n[mm]", "deviation of θ2\n[mrad]"):
+        measured = studies.curves["contributions"][f"{label} what was measured"]
+        assert measured == ([0.0, 0.1], [0.0, 2.0])
+    texts = labels(studies.folder / "contributions.svg")
+    assert {"servo lag and droop", "unexplained remainder"} <= set(texts)
+
+
+def test_the_study_of_convergence_is_a_line_per_angle_and_position(studies: Studies) -> None:
+    assert studies.curves["convergence"] == {
+        "P: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
+        "θ1": ([2.0, 1.0], [4.0, 2.0]),
+        "θ2: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
     }
+    # each unit has its own axes
+    texts = labels(studies.folder / "convergence.svg")
+    assert {"largest deviation of P [mm]", "largest deviation of angles [mrad]"} <= set(texts)
 
 
-def test_the_fit_is_held_against_a_factor_of_five(
-    pair: Pair, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    names = [f"{q}_deviation_rms_{unit}" for q, unit in (("position", "m"), ("theta1", "rad"))]
-    names += ["position_deviation_max_m", "theta2_deviation_rms_rad", "theta2_deviation_max_rad"]
-    fit = SimpleNamespace(
-        training=Gain("seen", dict.fromkeys(names, 12.0), dict.fromkeys(names, 1.0)),
-        validation=Gain("unseen", dict.fromkeys(names, 7.0), dict.fromkeys(names, 1.0)),
-    )
-    curves = drawn(monkeypatch)
-    write_compare_figures(pair, tmp_path, "turn", fit=fit)
-    ((_, level),) = curves["fit"].values()
+def test_the_fit_is_held_against_a_factor_of_five(studies: Studies) -> None:
+    ((_, level),) = studies.curves["fit"].values()
     assert level == [5.0, 5.0]
-    texts = labels(tmp_path / "fit.svg")
+    texts = labels(studies.folder / "fit.svg")
     assert texts.count("12") == texts.count("7") == 5
     assert {"fitted on seen", "validated on unseen"} <= set(texts)

@@ -5,34 +5,25 @@ import sys
 import xml.etree.ElementTree as ET
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import cv2
 import numpy as np
 import pytest
 from drawn import drawn, labels
+from trajectories_of_figures import ROBOT, circle_run
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.figures.run import write_run_figures
-from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import RobotParameters
 
 NAMES = ("paths", "x", "y", "theta1", "theta2", "wheel_speeds", "errors", "hitch_angle")
-ROBOT = RobotParameters()
 WIDTH_PX = 720  # 4.8 in at 150 dpi
 
 
 @pytest.fixture(scope="module")
 def run() -> Trajectory:
-    """A run that comes to a circle from 20 mm and 0.1 rad beside it."""
-    time_s = 0.033 * np.arange(300)
-    circle = Circle(radius_m=0.43, angular_rate_rad_s=0.125, theta2="outward").sample(time_s)
-    rows = Trajectory.empty(time_s, 1)
-    rows.ref_q[:] = circle.q
-    rows.q[:] = circle.q + np.exp(-time_s)[:, None, None] * [0.02, 0.0, -0.1, -1.0]
-    rows.wheel_command_rad_s[:] = 2.35, 1.78
-    rows.wheel_speed_rad_s[:] = rows.wheel_command_rad_s * (1 - np.exp(-5 * time_s))[:, None, None]
-    return rows
+    return circle_run()
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +32,24 @@ def folder(run: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
     written = write_run_figures(run, ROBOT, folder, "circle & <seed 7>")
     assert sorted(written) == sorted(folder.iterdir())  # and no drafts left behind
     return folder
+
+
+class Logged(NamedTuple):
+    """Figures of the same run, whose law logged v and 2·v, and the curves in them."""
+
+    folder: Path
+    curves: dict[str, dict[str, tuple[list, list]]]
+    v: np.ndarray
+
+
+@pytest.fixture(scope="module")
+def logged(run: Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Logged:
+    folder, v = tmp_path_factory.mktemp("logged"), np.exp(-run.time_s)
+    rows = replace(run, signals={"lyapunov_v": v[:, None], "gain": 2.0 * v[:, None]})
+    with pytest.MonkeyPatch.context() as patch:
+        curves = drawn(patch)
+        write_run_figures(rows, ROBOT, folder, "circle & <seed 7>")
+    return Logged(folder, curves, v)
 
 
 def test_every_figure_is_there_twice(folder: Path) -> None:
@@ -68,9 +77,9 @@ def test_drawings_keep_their_text(folder: Path, name: str) -> None:
     assert any("[" in text for text in texts), "no unit in any label"
 
 
-def test_same_trajectory_same_bytes(folder: Path, run: Trajectory, tmp_path: Path) -> None:
-    for path in write_run_figures(run, ROBOT, tmp_path, "circle & <seed 7>"):
-        assert path.read_bytes() == (folder / path.name).read_bytes(), path.name
+def test_same_trajectory_same_bytes(folder: Path, logged: Logged) -> None:
+    for path in folder.iterdir():
+        assert path.read_bytes() == (logged.folder / path.name).read_bytes(), path.name
 
 
 def texts(path: Path) -> str:
@@ -126,11 +135,8 @@ def test_axes_and_curves_are_named(folder: Path, name: str, expected: list[str])
     assert set(expected) <= set(labels(folder / f"{name}.svg"))
 
 
-def test_curves_are_the_run(
-    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    curves = drawn(monkeypatch)
-    write_run_figures(run, ROBOT, tmp_path, "circle")
+def test_curves_are_the_run(run: Trajectory, logged: Logged) -> None:
+    curves = logged.curves
     time_s, q, ref_q = run.time_s.tolist(), run.q[:, 0], run.ref_q[:, 0]
     for name, i in (("x", 0), ("y", 1), ("theta1", 2), ("theta2", 3)):
         assert curves[name] == {
@@ -152,22 +158,13 @@ def test_curves_are_the_run(
     np.testing.assert_allclose(hitch, np.degrees(q[:, 3] - q[:, 2]))
 
 
-def test_signals_of_the_law_get_a_figure(
-    run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    v = np.exp(-run.time_s)[:, None]
-    curves = drawn(monkeypatch)
-    logged = replace(run, signals={"lyapunov_v": v, "gain": 2.0 * v})
-    write_run_figures(logged, ROBOT, tmp_path, "circle")
-    assert {path.name for path in tmp_path.glob("signals.*")} == {"signals.png", "signals.svg"}
-    assert {"lyapunov_v", "gain", "time [s]"} <= set(labels(tmp_path / "signals.svg"))
-    assert curves["signals"]["lyapunov_v _child0"] == (run.time_s.tolist(), v[:, 0].tolist())
-    assert curves["signals"]["gain _child0"][1] == (2.0 * v[:, 0]).tolist()
-
-
-def test_a_law_that_logs_nothing_gets_no_figure(run: Trajectory, tmp_path: Path) -> None:
-    write_run_figures(replace(run, signals={}), ROBOT, tmp_path, "circle")
-    assert not list(tmp_path.glob("signals.*"))
+def test_signals_of_the_law_get_a_figure(run: Trajectory, logged: Logged) -> None:
+    names = {path.name for path in logged.folder.glob("signals.*")}
+    assert names == {"signals.png", "signals.svg"}
+    assert {"lyapunov_v", "gain", "time [s]"} <= set(labels(logged.folder / "signals.svg"))
+    signals = logged.curves["signals"]
+    assert signals["lyapunov_v _child0"] == (run.time_s.tolist(), logged.v.tolist())
+    assert signals["gain _child0"][1] == (2.0 * logged.v).tolist()
 
 
 def test_several_simulations_are_refused(run: Trajectory, tmp_path: Path) -> None:

@@ -4,22 +4,25 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from drawn import drawn
 
 from ttwmr_mj.results.accept import VerdictName
+from ttwmr_mj.studies.bench.figures import write_charts
 from ttwmr_mj.studies.bench.leaderboard import (
     HEAD,
     RULES,
-    to_html,
     to_markdown,
     to_summary,
     write_leaderboard,
 )
 from ttwmr_mj.studies.bench.lines import COLUMNS, RANKED_BY, Column, Line, Run, ranked
 from ttwmr_mj.studies.bench.overview import overview
+from ttwmr_mj.studies.bench.page import to_html, write_page
 from ttwmr_mj.studies.bench.scoring import Board
 
 ORDER = {
@@ -188,7 +191,9 @@ def test_the_best_is_bold_on_every_page() -> None:
     ours = board(line("a", tied), line("b", [x + 1.0 for x in tied]))
     assert to_summary(ours, "mine").count("**5.5 (2 to 9)**") == 1
     assert to_markdown(ours, "mine").count("**5.5 (2 to 9)**") == 2
-    assert to_html(ours, "mine").count("<b>5.5 (2 to 9)</b>") == 2
+    html = to_html(ours, "mine")
+    assert html.count("<b>5.5 (2 to 9)</b>") == html.count("<b>a</b>") == 1
+    assert "Better than every other law, beyond chance: contact · truth: a." in html
 
 
 def test_the_table_has_every_number_and_no_infinity(tmp_path: Path) -> None:
@@ -210,7 +215,41 @@ def test_the_table_has_every_number_and_no_infinity(tmp_path: Path) -> None:
     assert other["reason"] == "seed 9: failed: decided by 9"
     assert other["scored"] == "steady"
     written = sorted(file.name for file in tmp_path.iterdir())
-    assert written == [*(f"leaderboard.{end}" for end in ("html", "md", "parquet")), "summary.md"]
+    assert written == ["leaderboard.md", "leaderboard.parquet", "summary.md"]
+
+
+def test_the_page_has_a_chart_of_each_task_and_links_every_recording(tmp_path: Path) -> None:
+    made = replace(line("a", [1.0, 4.0]), recordings=("runs/a/run.rrd",))
+    ours = board(made, line("b", [2.0], task="eight"), line("b", [None], ["failed"], task="parked"))
+    write_page(ours, tmp_path, "mine")
+    page = (tmp_path / "leaderboard.html").read_text()
+    assert page.count('href="runs/a/manifest.json"') == 1
+    assert page.count('<a href="runs/a/run.rrd">') == page.count("run.rrd</a>") == 1
+    charts = {path.name for path in (tmp_path / "figures").iterdir()}
+    assert charts == {f"{task}.{end}" for task in ("circle", "eight") for end in ("png", "svg")}
+    assert page.count('<svg class="drawing"') == 2  # and none of a task without an error
+    assert "hollow: not every run followed" in page
+    assert page.count("No law is better than every other beyond chance.") == 3
+    # seeds are summed up where there are several, and only there
+    of_a, of_b = (
+        page.split(f'<h2 id="{task}">')[1].split("<h2")[0] for task in ("circle", "eight")
+    )
+    assert "<th>worst, mm</th>" in of_a
+    assert 'data-value="4.0">4</td>' in of_a
+    assert "worst" not in of_b
+    tasks = [f'<a href="#{name}">' in page for name in ("circle", "eight", "parked", "rules")]
+    assert all(tasks)
+
+
+def test_the_chart_draws_each_error_with_its_interval(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    curves = drawn(monkeypatch)
+    seeds = [float(i) for i in range(1, 11)]
+    verdicts: list[VerdictName] = [*["followed"] * 9, "lost"]
+    write_charts([line("a", seeds, verdicts), line("b", [3.0]), line("c", [None])], tmp_path)
+    found = sorted(x for x, _ in curves["circle"].values() if len(x) and x != [0, 1])
+    assert [x for line in found for x in line] == pytest.approx([2.0, 9.0, 3.0, 5.5])
 
 
 @pytest.mark.parametrize(

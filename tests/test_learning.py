@@ -9,14 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ttwmr_mj.controllers.shared.learning import (
-    FRICTION_RATE_RAD_S,
-    KNOWN,
-    PLACES,
-    PRIOR_STD,
-    Learnable,
-    Learner,
-)
+from ttwmr_mj.controllers.shared.friction import FrictionOptions
+from ttwmr_mj.controllers.shared.learning import KNOWN, PLACES, PRIOR_STD, Learnable, Learner
 from ttwmr_mj.controllers.shared.observer import Observed, Observer
 from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std
 from ttwmr_mj.dynamics.ground import Ground
@@ -47,8 +41,13 @@ MIRROR = np.array([1.0, -1.0, -1.0, -1.0])  # of q and its rates, in the x axis
 MIRROR_INFLUENCE = np.array([1.0, -1.0, 1.0, 1.0, 1.0])
 
 
-def learner(learn: tuple[Learnable, ...] = EVERYTHING, nsim: int = 1) -> Learner:
-    return Learner(learn, BELIEVED, PERIOD, nsim, process_std(OPTIONS, PERIOD), NOISE)
+def learner(
+    learn: tuple[Learnable, ...] = EVERYTHING,
+    nsim: int = 1,
+    smoothing_rad_s: float = FrictionOptions().smoothing_rad_s,
+) -> Learner:
+    process = process_std(OPTIONS, PERIOD)
+    return Learner(learn, BELIEVED, PERIOD, nsim, process, NOISE, smoothing_rad_s)
 
 
 def watcher(learn: tuple[Learnable, ...] = EVERYTHING, nsim: int = 1) -> Observer:
@@ -100,10 +99,11 @@ def watched(
     return seen
 
 
-def test_factors_are_the_derivatives_of_the_sampled_model() -> None:
+@pytest.mark.parametrize("smoothing_rad_s", [0.05, 0.5])
+def test_factors_are_the_derivatives_of_the_sampled_model(smoothing_rad_s: float) -> None:
     """θ̇2 after a very short period, by each influence."""
     T, rng = 1e-5, np.random.default_rng(2)
-    model = SampledModel(BELIEVED, T, smoothing_rad_s=FRICTION_RATE_RAD_S)
+    model = SampledModel(BELIEVED, T, smoothing_rad_s=smoothing_rad_s)
     body, wheels = rng.normal(size=(20, 5)), rng.uniform(5.0, 15.0, (20, 2))
     slip = 0.02 * rng.normal(size=(20, 3))
     given, found = rng.uniform(0.05, 0.2, (20, INFLUENCES)), np.empty((20, INFLUENCES))
@@ -116,7 +116,9 @@ def test_factors_are_the_derivatives_of_the_sampled_model() -> None:
     observer = Observer(BELIEVED, model, OPTIONS)
     now = Observed(body, wheels, slip, np.zeros(20), given)
     velocity = model.velocity(body, wheels, slip)
-    factors = learner()._factors(body, velocity, observer.hitch_rate(now))
+    factors = learner(smoothing_rad_s=smoothing_rad_s)._factors(
+        body, velocity, observer.hitch_rate(now)
+    )
     # first order in 10 µs, on which directions turn by up to 1e-4
     np.testing.assert_allclose(factors, found, atol=1e-3)
 

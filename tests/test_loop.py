@@ -58,7 +58,8 @@ def test_signals_are_rows_of_every_simulation() -> None:
 
 
 def test_signals_reach_every_file_of_a_run(tmp_path: Path) -> None:
-    run = tt.run(scenario(), tmp_path / "out", scenario_folder=HERE)
+    plotted = scenario(output={"paper_plots": True})
+    run = tt.run(plotted, tmp_path / "out", scenario_folder=HERE)
     assert run.outcome.status == "ok"
     expected = 10.0 * np.arange(10)
     table = pq.read_table(run.folder / "trajectory.parquet")
@@ -231,7 +232,8 @@ def test_reports_hold_every_row_once() -> None:
     assert np.concatenate([piece.time_s for piece in pieces]).tolist() == (
         result.trajectory.time_s.tolist()
     )
-    assert set(result.wall_time_s) == {"plant", "sensing", "controller", "loop", "report"}
+    parts = {"plant", "sensing", "controller", "loop", "report", "pace"}
+    assert set(result.wall_time_s) == parts
     assert result.control_time_s.shape == (10,)
     assert (result.control_time_s > 0).all()
 

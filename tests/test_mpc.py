@@ -17,7 +17,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import initial_state, make_controller, sample_reference
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.report import result_text
+from ttwmr_mj.runs.report import details_text
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
@@ -52,9 +52,8 @@ def test_near_the_reference_it_is_the_lqr() -> None:
     """With the LQR's cost beyond the horizon, the horizon makes no difference to first order."""
     errors = []
     for offset in (1e-3, 1e-4):
-        near = load_scenario(
-            "outer_circle", [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"]
-        )
+        start = [f"initial.x_offset_m={offset}", f"initial.theta2_offset_rad={offset}"]
+        near = load_scenario("outer_circle", ["duration_s=8.0", *start])
         mpc = first_command(near, MPC)
         lqr = first_command(near, TvlqrOptions(kind="tvlqr"))
         errors.append(np.abs(mpc - lqr).max())
@@ -107,7 +106,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     assert metrics["control_overruns"] == len(usual)
     assert metrics["control_slowest_s"] == pytest.approx(0.04)
     assert json.loads((tmp_path / "metrics.json").read_text())["control_overruns"] == len(usual)
-    text = result_text(scenario, metrics)
+    text = details_text(metrics)
     assert f"deadline misses | {len(usual)} |" in text
     assert "slowest command | 40 ms |" in text
     assert np.array_equal(Trajectory.read(tmp_path / "trajectory.parquet").q, usual.q)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -86,3 +87,14 @@ def test_bootstrap_knows_both_commands_and_names_them() -> None:
     for command in ("bootstrap.py run", "bootstrap.py test"):
         assert command in done.stdout
         assert command in README
+
+
+def test_quick_tests_are_for_everyone_and_slow_ones_for_ci() -> None:
+    """Between them they run every test once."""
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    bootstrap = runpy.run_path(str(ROOT / "bootstrap.py"))
+    assert bootstrap["TEST"][-1][1:] == ["-n", "2", "-m", "not slow"]
+    assert "python3 bootstrap.py test\n" in ci
+    slow = ".venv/bin/pytest -n 2 -m slow"
+    assert slow in ci
+    assert slow in README

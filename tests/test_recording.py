@@ -21,8 +21,9 @@ from recordings import (
 )
 
 from ttwmr_mj.plants.contact import read_contacts
-from ttwmr_mj.recording.scene import floor_corners, reference_pieces
+from ttwmr_mj.recording.floor import floor_corners
 from ttwmr_mj.recording.series import time_column
+from ttwmr_mj.recording.target import reference_pieces
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.state import FloatArray
@@ -61,13 +62,17 @@ def test_plots_hold_the_rows(recording: Recording) -> None:
     def scalars(entity: str) -> FloatArray:
         return recording.values(f"/plots/{entity}", "Scalars:scalars")
 
-    for i, name in enumerate(("x", "y", "theta1", "theta2")):
-        np.testing.assert_array_equal(scalars(f"{name}/true"), run.q[:, 0, [i]])
-        np.testing.assert_array_equal(scalars(f"{name}/reference"), run.ref_q[:, 0, [i]])
+    for i, (name, scale) in enumerate((("x", 1e3), ("y", 1e3), ("theta1", 1.0), ("theta2", 1.0))):
+        np.testing.assert_array_equal(scalars(f"{name}/true"), scale * run.q[:, 0, [i]])
+        np.testing.assert_array_equal(scalars(f"{name}/reference"), scale * run.ref_q[:, 0, [i]])
     np.testing.assert_array_equal(scalars("wheel_speed/true"), run.wheel_speed_rad_s[:, 0])
     np.testing.assert_array_equal(scalars("wheel_speed/command"), run.wheel_command_rad_s[:, 0])
     np.testing.assert_array_equal(scalars("tractor_error/true"), 1e3 * curves.tractor_error_m)
     np.testing.assert_array_equal(scalars("trailer_error/true"), 1e3 * curves.trailer_error_m)
+    # on a log scale that ends at a micrometre: the run starts on its reference
+    for name, error_m in (("tractor", curves.tractor_error_m), ("trailer", curves.trailer_error_m)):
+        told_mm = 10 ** scalars(f"position_error/{name}")
+        np.testing.assert_allclose(told_mm, np.maximum(1e3 * error_m, 1e-3), rtol=1e-12)
     degrees = np.degrees(curves.theta_error_rad[:, 0])
     np.testing.assert_array_equal(scalars("angle_error/theta1"), degrees[:, [0]])
     np.testing.assert_array_equal(scalars("angle_error/theta2"), degrees[:, [1]])
@@ -91,6 +96,7 @@ def test_series_are_named_and_coloured(tmp_path: Path) -> None:
         **dict.fromkeys(("tractor_error", "trailer_error", "hitch_angle"), error),
         **dict.fromkeys(("angle_error", "estimate_angle_error"), angles),
         **dict.fromkeys(("estimate_error", "measurement_age"), known),
+        "position_error": {"tractor": ["tractor, P"], "trailer": ["trailer, COM"]},
         "wheel_speed": wheels | {"command": ["right command", "left command"]},
     }
     expected = {
@@ -112,11 +118,29 @@ def test_an_estimate_equal_to_the_truth_is_not_drawn(recording: Recording) -> No
     assert not [entity for entity in recording.entities if entity.endswith("/seen")]
 
 
-def test_flags_hold_their_changes(recording: Recording) -> None:
-    assert recording.entities["/flags/saturated"]["StateChange:state"] == [
-        (0, ["no"]),
-        (330_000_000, ["yes"]),
-        (495_000_000, ["no"]),
+def test_states_hold_their_changes(recording: Recording) -> None:
+    assert recording.entities["/wheels"]["StateChange:state"] == [
+        (0, ["free"]),
+        (330_000_000, ["saturated"]),
+        (495_000_000, ["free"]),
+    ]
+    assert recording.entities["/law"]["StateChange:state"] == [(0, ["regular"])]
+
+
+def test_rest_is_not_called_singular(tmp_path: Path) -> None:
+    """Not while the robot starts either, only a standstill that it comes to while it moves."""
+    run = contact_run()
+    near, q_rate = run.near_singular.copy(), run.q_rate.copy()
+    near[:6], near[20:25] = True, True
+    q_rate[0, 0, :2], q_rate[1:, 0, :2] = 0.0, 0.005
+    rows = replace(run, near_singular=near, q_rate=q_rate)
+    # a cut within the start: what came before is not forgotten
+    read = Recording(record(tmp_path / "run.rrd", circle_reference(), rows, cuts=(3,)))
+    assert read.entities["/law"]["StateChange:state"] == [
+        (0, ["resting"]),
+        (198_000_000, ["regular"]),
+        (660_000_000, ["near_singular"]),
+        (825_000_000, ["regular"]),
     ]
 
 
@@ -185,7 +209,9 @@ def test_driven_paths_are_connected(recording: Recording) -> None:
 
 def test_report_ends_with_the_result(recording: Recording) -> None:
     (*_, (_, last)) = recording.entities["/report"]["TextDocument:text"]
-    assert last == ["**ok**\n\n# circle\nseed 7"]
+    assert last == ["**ok**"]
+    (*_, (_, last)) = recording.entities["/details"]["TextDocument:text"]
+    assert last == ["| rms | 1 mm |\n\n# circle\nseed 7"]
 
 
 def test_analytic_rows_stand_on_their_wheels(tmp_path: Path) -> None:
@@ -214,7 +240,7 @@ def test_an_undefined_reference_gives_no_series(tmp_path: Path) -> None:
     rows = replace(run, ref_q=np.full_like(run.ref_q, np.nan))
     recording = Recording(record(tmp_path / "run.rrd", None, rows))
     for entity in recording.entities:
-        assert not entity.startswith("/world/reference"), entity
+        assert not entity.startswith(("/world/reference", "/world/miss")), entity
         assert not entity.endswith("/reference"), entity
         assert "_error" not in entity
     for (entity, name), values in recording.temporal().items():
@@ -268,13 +294,17 @@ def test_floor_and_reference_are_drawn_where_they_are(recording: Recording) -> N
         )
     assert (ends[..., :2] >= low - FLOAT32_M).all()
     assert (ends[..., :2] <= high + FLOAT32_M).all()
-    for name, points in (
-        ("tractor", reference.position_m[:, 0]),
-        ("trailer", trailer_com(reference.q, ROBOT)[:, 0]),
+    for name, points, width in (
+        ("tractor", reference.position_m[:, 0], 0.014),
+        ("trailer", trailer_com(reference.q, ROBOT)[:, 0], 0.008),
     ):
-        ((_, strips),) = recording.entities[f"/world/reference/{name}"]["LineStrips3D:strips"]
-        (strip,) = strips
-        np.testing.assert_allclose(np.array(strip)[:, :2], points, atol=FLOAT32_M)
+        ((_, corners),) = recording.entities[f"/world/reference/{name}"]["Mesh3D:vertex_positions"]
+        left, right = np.split(np.array(corners), 2)
+        np.testing.assert_allclose(np.linalg.norm(left - right, axis=1), width, atol=FLOAT32_M)
+        middle = (0.5 * (left + right))[:, None, :2]
+        away = np.linalg.norm(middle - points, axis=2).min(axis=1)
+        np.testing.assert_allclose(away, 0.0, atol=FLOAT32_M)
+        np.testing.assert_allclose(middle[[0, -1], 0], points[[0, -1]], atol=FLOAT32_M)
     marker = recording.values("/world/reference/marker", "Transform3D:translation")[:, 0]
     np.testing.assert_allclose(marker[:, :2], contact_run().ref_q[:, 0, :2], atol=FLOAT32_M)
     assert not marker[:, 2].any()

@@ -26,18 +26,19 @@ from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.results.trajectory import Trajectory
 
 MOTION = {
-    "plots/x": "x of P [m]",
-    "plots/y": "y of P [m]",
+    "plots/x": "x of P [mm]",
+    "plots/y": "y of P [mm]",
     "plots/theta1": "θ1 of the tractor [rad]",
     "plots/theta2": "θ2 of the trailer [rad]",
     "plots/hitch_angle": "hitch angle θ2 − θ1 [°]",
     "plots/wheel_speed": "wheel speeds [rad/s]",
 }
 ERRORS = {
-    "plots/tractor_error": "position error of P [mm]",
+    "plots/position_error": "off the reference, log₁₀ of mm (1 = 1 cm, 2 = 10 cm)",
+    "plots/tractor_error": "P, error [mm]",
     "plots/angle_error": "angle errors [°]",
 }
-TRAILER_ERROR = {"plots/trailer_error": "position error of the trailer's COM [mm]"}
+TRAILER_ERROR = {"plots/trailer_error": "trailer's COM, error [mm]"}
 
 
 def plots(path: Path) -> dict[str, str]:
@@ -49,7 +50,9 @@ def test_a_run_shows_the_plots_that_have_curves(tmp_path: Path) -> None:
     whole = record(tmp_path / "whole.rrd", reference, rows)
     assert plots(whole) == MOTION | ERRORS | TRAILER_ERROR
     assert [view for view in views(whole) if "plots/" not in view[0]] == [
-        ("flags", "limits and tracker"),
+        ("/", "wheels, law"),
+        ("details", "Numbers"),
+        ("key", "key"),
         ("report", "circle"),
         ("world", "From above"),
         ("world", "Robot"),
@@ -71,6 +74,7 @@ def test_a_camera_brings_a_picture_and_the_plots_of_what_it_knows(tmp_path: Path
         camera=True,
     ).close()
     assert ("camera/picture", "Camera") in views(path)
+    assert ("/", "wheels, law, tracker") in views(path)
     assert ("world", "From above") not in views(path)
     assert plots(path) == MOTION | {
         "plots/estimate_error": "estimation error of P [mm]",
@@ -144,10 +148,14 @@ def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> 
     path = tmp_path / "run.rrd"
     record_comparison(pair, path, "# compared")
     assert views(path) == [
+        ("details", "Numbers"),
+        ("key", "key"),
         ("plots/angles", "angles, contact − analytic [mrad]"),
+        ("plots/energy", "energy lost to the floor [mJ]"),
         ("plots/position", "P, contact − analytic [mm]"),
-        ("plots/residuals", "energy lost [mJ], trailer's torque missing [10 µN·m]"),
-        ("plots/slip", "slip of the wheels [mm/s]"),
+        ("plots/slip_along", "slip of the wheels along [mm/s]"),
+        ("plots/slip_aside", "slip of the wheels to the side [mm/s]"),
+        ("plots/torque", "torque missing in the trailer's equation (Eq. 17) [µN·m]"),
         ("report", "open_loop_turn"),
         ("world", "Both robots; the analytic one is translucent"),
     ]
@@ -160,8 +168,10 @@ def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> 
     np.testing.assert_array_equal(values("position")[:, 0], 1e3 * off.position_m)
     np.testing.assert_array_equal(values("position")[:, 2], 1e3 * off.position_curves["aside"])
     np.testing.assert_array_equal(values("angles")[:, 1], 1e3 * off.q[:, 3])
-    np.testing.assert_array_equal(values("slip")[:, 3], 1e3 * rest.slip_along_m_s[:, 1])
-    np.testing.assert_array_equal(values("residuals")[:, 0], 1e3 * rest.energy_lost_j)
+    np.testing.assert_array_equal(values("slip_along")[:, 1], 1e3 * rest.slip_along_m_s[:, 1])
+    np.testing.assert_array_equal(values("slip_aside")[:, 0], 1e3 * rest.slip_aside_m_s[:, 0])
+    np.testing.assert_array_equal(values("energy")[:, 0], 1e3 * rest.energy_lost_j)
+    np.testing.assert_array_equal(values("torque")[:, 0], 1e6 * rest.trailer_torque_n_m)
     for root, rows in (("", pair.contact.trajectory), ("/analytic", pair.analytic)):
         p = read.values(f"/world{root}/tractor", "Transform3D:translation")[:, 0]
         np.testing.assert_allclose(p[:, :2], rows.q[:, 0, :2], atol=FLOAT32_M)
@@ -192,20 +202,21 @@ def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> 
     with TrackRecorder(path, "v.avi", camera, labels) as recording:
         recording.append(records)
     assert views(path) == [
+        ("/", "tracker"),
         ("camera/picture", "v.avi"),
-        ("flags", "tracker"),
+        ("key", "key"),
         ("plots/angles", "angles [rad]"),
-        ("plots/position", "position of P [m]"),
+        ("plots/position", "position of P [mm]"),
         ("plots/uncertainty", "uncertainty of P [mm]"),
     ]
     read = Recording(path)
     assert read.times_ns("/plots/position", "Scalars:scalars") == [500_000_000]
-    np.testing.assert_array_equal(read.values("/plots/position", "Scalars:scalars")[0], q[:2])
+    np.testing.assert_array_equal(read.values("/plots/position", "Scalars:scalars")[0], 1e3 * q[:2])
     np.testing.assert_array_equal(read.values("/plots/angles", "Scalars:scalars")[0], q[2:])
     # 3 σ of 3 mm along x and 4 mm along y
     spread = read.values("/plots/uncertainty", "Scalars:scalars")[0]
     assert spread == pytest.approx([15.0])
-    assert read.entities["/flags/tracker"]["StateChange:state"] == [
+    assert read.entities["/tracker"]["StateChange:state"] == [
         (0, ["lost"]),
         (500_000_000, ["tracking"]),
     ]

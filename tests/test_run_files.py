@@ -14,7 +14,17 @@ import ttwmr_mj as tt
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.runs import folder as folders
 from ttwmr_mj.runs.folder import git_commit, open_folder, results_folder
-from ttwmr_mj.runs.report import HEADLINES, RESULT_ROWS, headline, result_text, results, summary
+from ttwmr_mj.runs.report import (
+    HEADLINES,
+    RESULT_ROWS,
+    details_text,
+    figure_title,
+    headline,
+    headline_words,
+    result_text,
+    results,
+    summary,
+)
 
 QUIET = ["plant.kind=analytic", "output.recording=false", "output.figures=false"]
 
@@ -130,15 +140,26 @@ def test_numbers_are_read_in_handy_units() -> None:
     assert shown["deadline misses"] == "3"
     assert shown["slowest command"] == "12.3 ms"
     scenario = tt.load_scenario("lab_circle")
-    text = result_text(scenario, metrics)
-    assert text.startswith(
+    assert result_text(scenario, metrics).split("\n\n") == [
+        "# Tractor follows, trailer lost",
+        "## 12.3 mm: trailer, rms error, 2nd half",
+        "θ2 2 rad off",
+        scenario.description,
+        "contact · lyapunov · sees the truth · seed 0",
+    ]
+    details = details_text(metrics)
+    assert details.startswith(
         "**tractor follows, trailer lost: θ2 2 rad off**\n\n"
-        "steady_centre_of_oscillation_rmse_m = 0.0123\n\n"
-        "contact · lyapunov · seed 0\n\n| result | value |\n|---|---|\n"
+        "steady_centre_of_oscillation_rmse_m = 0.0123\n\n| result | value |\n|---|---|\n"
     )
-    assert "| P, rms error | 12.3 mm |\n" in text
+    assert "| P, rms error | 12.3 mm |\n" in details
+    assert figure_title(scenario, metrics) == [
+        "lab_circle: tractor follows, trailer lost",
+        "contact · lyapunov · sees the truth · seed 0",
+        "12.3 mm: trailer, rms error, 2nd half",
+    ]
     broken = metrics | {"verdict": "failed", "verdict_reason": "it broke"}
-    assert result_text(scenario, broken).startswith("**failed: it broke**\n\nsteady_centre")
+    assert result_text(scenario, broken).startswith("# Failed\n\n## 12.3 mm")
 
 
 def test_the_headline_is_the_metric_of_the_task() -> None:
@@ -146,6 +167,9 @@ def test_the_headline_is_the_metric_of_the_task() -> None:
     assert headline({centre: 2e-3, tractor: 1e-3}) == f"{centre} = 0.002"
     assert headline({centre: None, tractor: 1e-3}) == f"{tractor} = 0.001"
     assert headline({centre: None, tractor: None}) == ""
+    assert headline_words({centre: 2e-3, tractor: 1e-3}) == "2 mm: trailer, rms error, 2nd half"
+    assert headline_words({centre: None, tractor: 1e-3}) == "1 mm: tractor, rms error, 2nd half"
+    assert headline_words({centre: None, tractor: None}) == ""
 
 
 def test_the_summary_says_what_was_asked() -> None:

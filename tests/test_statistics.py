@@ -7,7 +7,14 @@ import pytest
 import scipy.stats
 
 from ttwmr_mj.results.sensitivity import sobol_indices
-from ttwmr_mj.results.statistics import paired, quantile, share, share_difference
+from ttwmr_mj.results.statistics import (
+    median_interval,
+    paired,
+    quantile,
+    share,
+    share_difference,
+    sign_test,
+)
 
 NONE = np.zeros(0)
 
@@ -22,6 +29,14 @@ def test_a_share_has_the_exact_binomial_interval() -> None:
     assert share(10, 10) == pytest.approx((1.0, 0.025**0.1, 1.0))
     # published: 15 of 20, e.g. Agresti and Coull (1998) by Clopper and Pearson's rule
     assert share(15, 20) == pytest.approx((0.75, 0.508954, 0.913429), abs=1e-6)
+    found = share(3, 8)
+
+    def at_most(k: int, p: float) -> float:
+        return sum(math.comb(8, i) * p**i * (1 - p) ** (8 - i) for i in range(k + 1))
+
+    # at its ends, what was found and what is beyond is just as rare as 2.5 %
+    assert 1.0 - at_most(2, found.low) == pytest.approx(0.025)
+    assert at_most(3, found.high) == pytest.approx(0.025)
     for count, of in ((1, 3), (7, 1000), (4999, 10_000)):
         theirs = scipy.stats.binomtest(count, of).proportion_ci(0.95, "exact")
         assert share(count, of)[1:] == pytest.approx((theirs.low, theirs.high))
@@ -79,6 +94,31 @@ def test_the_same_seed_gives_the_same_interval() -> None:
     assert quantile(values, 0.3, rng()) == quantile(values, 0.3, rng())
 
 
+@pytest.mark.parametrize(
+    ("runs", "place"), [(6, 1), (8, 1), (9, 2), (10, 2), (11, 2), (12, 3), (20, 6), (100, 40)]
+)
+def test_the_median_lies_between_two_of_the_values(runs: int, place: int) -> None:
+    values = np.random.default_rng(0).permutation(np.arange(1.0, runs + 1)).tolist()
+    assert median_interval(values) == (place, runs + 1 - place)
+
+    def outside(k: int) -> float:
+        return 2.0 * sum(math.comb(runs, i) for i in range(k)) / 2.0**runs
+
+    assert outside(place) <= 0.05 < outside(place + 1)  # the narrowest that will do
+
+
+@pytest.mark.parametrize("runs", [1, 2, 5])
+def test_few_runs_have_no_interval(runs: int) -> None:
+    assert median_interval([1.0] * runs) is None
+
+
+def test_an_even_result_is_no_sign_of_a_difference() -> None:
+    assert sign_test(0, 0) == 1.0
+    assert sign_test(5, 5) == pytest.approx(1.0)
+    assert sign_test(9, 1) == sign_test(1, 9) == pytest.approx(2 * 11 / 1024)
+    assert sign_test(8, 2) == pytest.approx(2 * 56 / 1024)
+
+
 def test_pairs_show_a_difference_that_two_medians_hide() -> None:
     theirs = rng().normal(10.0, 5.0, 100)  # draws differ far more than the two laws
     ours = theirs - 0.1 - 0.01 * rng().random(100)
@@ -131,12 +171,12 @@ def design(n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_sobol_indices_are_the_known_ones_and_scipys() -> None:
-    a, b, ab = design(4096)
+    a, b, ab = design(1024)
     found = sobol_indices(a, b, ab, rng())
     assert found is not None
     known = [(0.3139, 0.5576), (0.4424, 0.4424), (0.0, 0.2437)]
     theirs = scipy.stats.sobol_indices(
-        func={"f_A": a[None].copy(), "f_B": b[None].copy(), "f_AB": ab[:, None].copy()}, n=4096
+        func={"f_A": a[None].copy(), "f_B": b[None].copy(), "f_AB": ab[:, None].copy()}, n=1024
     )
     for i, (first, total) in enumerate(known):
         assert found[i].first.low <= first <= found[i].first.high

@@ -52,6 +52,7 @@ def final_errors(trajectory: Trajectory) -> tuple[float, float, float]:
     )
 
 
+@pytest.mark.slow
 def test_the_eight_by_camera() -> None:
     """A quarter of a round, past the crossing where F'' vanishes; started on the reference."""
     errors = centre_errors_mm(
@@ -80,6 +81,7 @@ def test_rest_to_rest_with_dry_friction_in_the_plan(law: str) -> None:
     assert angle_deg <= 2.0
 
 
+@pytest.mark.slow
 def test_the_lab_servo_holds_the_trailer_inside_the_circle() -> None:
     """By camera, against dry friction, from off the reference."""
     errors = centre_errors_mm(drive("lab_servo_inverted", "duration_s=8.0"))

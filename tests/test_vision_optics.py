@@ -118,11 +118,28 @@ def test_every_row_has_noise_and_new_noise_in_every_frame() -> None:
     options = Noise(read_noise=0.03)
     sensor = SensorNoise(options, 200, 75, np.random.default_rng(0))  # 75 rows: strips end unevenly
     light = np.full((75, 200, 3), 128, dtype=np.uint8)
-    first, second = (sensor.read(light, time_s).astype(float) for time_s in (0.0, 1.0))
+    first, second = (sensor.read(light, time_s)[:].astype(float) for time_s in (0.0, 1.0))
     # 600 numbers a row: 3 % of the deviation, and four of these
     assert first.std(axis=(1, 2)) == pytest.approx(np.full(75, 7.65), rel=0.12)
     assert np.abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
     assert np.array_equal(light, np.full_like(light, 128))
+
+
+@pytest.mark.parametrize(
+    "noise", [Noise(read_noise=0.03, shot_noise=0.02, gain_drift=0.1), Noise()]
+)
+def test_a_part_of_a_picture_has_the_numbers_of_the_whole(noise: Noise) -> None:
+    """Wherever it is looked at, in whatever order: the tracker sees what the recording shows."""
+    rng = np.random.default_rng(1)
+    light = rng.integers(256, size=(75, 200, 3), dtype=np.uint8)
+    picture = SensorNoise(noise, 200, 75, rng).read(light, 0.0)
+    corner, sparse = picture[3:40, 150:199], picture[::16, ::16]
+    whole = picture[:]
+    assert whole.shape == picture.shape == (75, 200, 3)
+    np.testing.assert_array_equal(corner, whole[3:40, 150:199])
+    np.testing.assert_array_equal(sparse, whole[::16, ::16])
+    np.testing.assert_array_equal(picture[70:, 199:], whole[70:, 199:])
+    assert picture[:, 200:].size == 0
 
 
 def test_shot_noise_grows_with_the_root_of_light() -> None:
@@ -130,7 +147,7 @@ def test_shot_noise_grows_with_the_root_of_light() -> None:
     deviations = []
     for level in (16, 64, 144):
         light = np.full((100, 200, 3), level, dtype=np.uint8)
-        deviations.append(sensor.read(light, 0.0).std())
+        deviations.append(sensor.read(light, 0.0)[:].std())
     expected = 0.04 * 255 * np.sqrt(np.array([16, 64, 144]) / 255)
     assert deviations == pytest.approx(np.hypot(expected, np.sqrt(1 / 12)), rel=0.02)
 
@@ -142,7 +159,7 @@ def test_gains_walk_about_one_with_the_asked_memory(read_noise: float) -> None:
     )
     sensor = SensorNoise(options, 8, 8, np.random.default_rng(1))
     light = np.full((8, 8, 3), 120, dtype=np.uint8)
-    level = np.array([sensor.read(light, 0.1 * k).mean(axis=(0, 1)) for k in range(6000)])
+    level = np.array([sensor.read(light, 0.1 * k)[:].mean(axis=(0, 1)) for k in range(6000)])
     walk = np.log(level / 120)
     # 300 independent stretches: 4 % of a deviation, three of these
     assert walk.std(axis=0) == pytest.approx(np.full(3, np.hypot(0.1, 0.05)), rel=0.12)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.results.trajectory import Trajectory
     from ttwmr_mj.results.verdict import Verdict, judge
     from ttwmr_mj.robot import RobotParameters
+    from ttwmr_mj.runs.batch import run_batch
     from ttwmr_mj.runs.experiment import Result
     from ttwmr_mj.scenario.file import check_scenario, load_scenario
     from ttwmr_mj.scenario.schema import Scenario
@@ -40,6 +41,7 @@ __all__ = [
     "judge",
     "load_scenario",
     "run",
+    "run_batch",
     "score",
     "simulate",
     "twist_from_wheels",
@@ -56,6 +58,7 @@ _HOMES = {
     "results.trajectory": ("Trajectory",),
     "results.verdict": ("Verdict", "judge"),
     "robot": ("RobotParameters",),
+    "runs.batch": ("run_batch",),
     "runs.experiment": ("Result",),
     "scenario.file": ("check_scenario", "load_scenario"),
     "scenario.schema": ("Scenario",),

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
+from ttwmr_mj.errors import InputError
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
@@ -78,26 +78,24 @@ class Live(Quiet):
         from ttwmr_mj.runs.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
 
         speed = float(self.live is not None) if self.pace is None else self.pace
-        return Pace(speed, REPORT_EVERY_S if self.live is None else LIVE_REPORT_EVERY_S)
+        looked_at = self.live is not None and speed > 0.0
+        return Pace(speed, LIVE_REPORT_EVERY_S if looked_at else REPORT_EVERY_S)
 
-    @contextmanager
-    def live_view(self) -> Iterator[LiveView | None]:
-        """The viewer the user wants to look on with, if any; kept open at the end on a terminal."""
-        if self.live is None:
-            yield None
-            return
-        from ttwmr_mj.recording.live import LiveView
-        from ttwmr_mj.recording.viewer import choose_viewer
+    def check_recording(self, scenario: Scenario) -> None:
+        """What is shown is the recording.
 
-        with LiveView(choose_viewer(self.live)) as live:
-            if live.viewer.page:
-                print(f"open in a browser: {live.viewer.page}", flush=True)
-            yield live
-            if live.fault:
-                warn([f"the viewer ended early: {live.fault}"])
-            if live.viewer.page and live.alive and sys.stdin.isatty():
-                print("the page is served until Ctrl-C", flush=True)
-                live.linger()
+        Raises:
+            InputError: it shall be shown and is not made.
+        """
+        if self.live is not None and not scenario.output.recording:
+            problem = "what is shown is the recording, which output.recording switches off"
+            raise InputError.at("--live", problem, hint="set output.recording=true")
+
+    def live_view(self) -> AbstractContextManager[LiveView | None]:
+        """The viewer the user wants to look on with, if any."""
+        from ttwmr_mj.cli.viewing import viewing
+
+        return viewing(self.live)
 
 
 def warn(lines: list[str]) -> None:

@@ -17,7 +17,8 @@ the trailer; integrated by parts it becomes a kick κ of θ̇2, and the state is
 
 The state is x, y, θ1, θ2 and the swing rate.
 
-Arrays have a leading axis of nsim simulations; every parameter is a number or (nsim,).
+Arrays have a leading axis of nsim simulations; every parameter is a number or (nsim,), those of
+robot and ground too (`config.stacked`).
 """
 
 from __future__ import annotations
@@ -29,6 +30,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
+from ttwmr_mj.config import column, each
 from ttwmr_mj.dynamics.balls import Forces, direction, held_back, resisting_torque
 from ttwmr_mj.dynamics.ground import LEVEL, Ground, Pull
 from ttwmr_mj.dynamics.hitch import rub
@@ -134,14 +136,13 @@ class ExtendedModel:
         cls, robot: RobotParameters, parameters: ExtendedParameters, ground: Ground | None = None
     ) -> ExtendedModel:
         """The model with one set of parameters, on level floor where no ground is given."""
-        values = dict(parameters.model_dump())
+        values = {name: getattr(parameters, name) for name in ExtendedParameters.model_fields}
         return cls(robot, values, parameters.physics_step_s, ground or LEVEL)
 
     @property
     def swing_inertia_kg_m2(self) -> Value:
         """J2 + m2·l² (Eq. 17) and the trailer's rolling balls, about P."""
-        spacing, length = self.robot.casters.trailer_half_spacing_m, self.robot.trailer.com_offset_m
-        return self.robot.swing_inertia_kg_m2 + self._balls * (length**2 + spacing**2)
+        return self.robot.swing_inertia_kg_m2 + self._balls * each(_ball_lever_squared, self.robot)
 
     def rate(
         self, state: FloatArray, wheels: FloatArray, wheels_rate: FloatArray, lead_s: FloatArray
@@ -194,7 +195,8 @@ class ExtendedModel:
         held &= state[-1] == turn
         rigid = state[THETA1] + before[THETA2] - before[THETA1]
         state[THETA2] = np.where(held, rigid, state[THETA2])
-        return state
+        # friction in a stretch of no duration, which others of the batch have, would be rounded
+        return np.where(duration_s > 0.0, state, before)
 
     def rub(self, swing_rate: FloatArray, turn: FloatArray, time_s: FloatArray) -> FloatArray:
         """(nsim,) the swing rate after the dry friction of a while; at most the turn rate θ̇1."""
@@ -288,7 +290,13 @@ class ExtendedModel:
             np.reshape(self.values[name], (-1, 1))
             for name in ("servo_time_constant_s", "wheel_radius_m")
         )
-        return np.asarray(-lag * (wheels_rate + radius / driven_inertia(self.robot) * push))
+        inertia = column(each(driven_inertia, self.robot))
+        return np.asarray(-lag * (wheels_rate + radius / inertia * push))
+
+
+def _ball_lever_squared(robot: RobotParameters) -> float:
+    """Of the trailer's balls about P [m²]."""
+    return robot.trailer.com_offset_m**2 + robot.casters.trailer_half_spacing_m**2
 
 
 def driven_inertia(robot: RobotParameters) -> float:

@@ -39,12 +39,18 @@ def canvas(
         yield figure
 
 
-def save(figure: Figure, path: Path) -> Path:
-    """Write a .png or .svg under another name first, so that nobody sees half a file."""
+METADATA: dict[str, dict[str, None]] = {  # what would make bytes depend on time and version
+    ".png": {"Software": None},
+    ".svg": {"Date": None},
+    ".pdf": {"CreationDate": None, "Creator": None, "Producer": None},
+}
+
+
+def save(figure: Figure, path: Path, dpi: float = DPI) -> Path:
+    """Write a .png, .svg or .pdf under another name first, so that nobody sees half a file."""
     draft = path.with_name(f".{path.name}.part")
-    metadata = {"Date": None} if path.suffix == ".svg" else {"Software": None}
     try:
-        figure.savefig(draft, format=path.suffix[1:], dpi=DPI, metadata=metadata)
+        figure.savefig(draft, format=path.suffix[1:], dpi=dpi, metadata=METADATA[path.suffix])
         draft.replace(path)
     finally:
         draft.unlink(missing_ok=True)

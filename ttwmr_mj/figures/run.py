@@ -1,4 +1,4 @@
-"""The figures of a run as files, PNG and SVG."""
+"""The plots of a run that the article shows of its own, one quantity each, PNG and SVG."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def _draw_paths(figure: Figure, run: Trajectory, curves: Curves) -> None:
         (curves.ref_trailer_com_m[:, 0], None),
     ):
         if _defined(reference):
-            axes.plot(*reference.T, **style.REFERENCE, label=label)
+            axes.plot(*reference.T, **style.BAND, label=label)
     for start, colour in ((p[0], style.TRACTOR), (com[0], style.TRAILER)):
         axes.plot(*start, "o", color=colour, markeredgecolor="white", markersize=6)
     axes.set_aspect("equal", adjustable="datalim")
@@ -73,7 +73,7 @@ def _draw_coordinate(column: int, label: str, colour: str) -> Callable[..., None
         axes = time_axes(figure, label)
         axes.plot(run.time_s, run.q[:, 0, column], color=colour, label="true")
         if _defined(run.ref_q[:, 0, column]):
-            axes.plot(run.time_s, run.ref_q[:, 0, column], **style.REFERENCE, label="reference")
+            axes.plot(run.time_s, run.ref_q[:, 0, column], **style.BAND, label="reference")
         legend_below(figure)
 
     return draw

@@ -40,5 +40,9 @@ class ExtendedPlant(ModelPlant):
         """See the base class."""
         for k in range(len(stretches.duration_s)):
             self._state = self._model.step(self._state, stretches.where(k))
-        self._setpoint_rate, self._lead_s = stretches.rate_rad_s2[-1], stretches.lead_s[-1]
+        # the last that lasted in each simulation: those beyond are others'
+        last = len(stretches.duration_s) - 1 - (stretches.duration_s[::-1] > 0.0).argmax(axis=0)
+        each = np.arange(self.nsim)
+        self._setpoint_rate = stretches.rate_rad_s2[last, each]
+        self._lead_s = stretches.lead_s[last, each]
         self._setpoint = end_rad_s

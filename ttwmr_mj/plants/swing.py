@@ -12,10 +12,12 @@ constant, and dry friction that truly sticks.
 
 from __future__ import annotations
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.config import each
 from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
@@ -36,18 +38,25 @@ class Forcing(NamedTuple):
     """
 
     duration_s: FloatArray  # (nsim,)
-    ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1/k [1/s²]
-    left: FloatArray  # (3, nsim) u1·u2/k [1/s²]
+    ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1 per length
+    left: FloatArray  # (3, nsim) u1·u2 per length
     drive: FloatArray  # (nsim,) −u̇2 [rad/s²]
-    twist: FloatArray | None  # (2, 3, nsim) u1 and u2 of the tractor, where balls resist
+    twist: FloatArray | None  # (2, 3, nsim) u1 and u2 of the tractor, where they are needed
 
     def after(self, fraction: FloatArray) -> Forcing:
         """The rest of the stretch from a fraction (nsim,) of its duration on."""
-        times = np.stack([fraction, 0.5 * (1.0 + fraction), np.ones_like(fraction)])
+        return self._part(fraction, np.ones_like(fraction))
+
+    def until(self, fraction: FloatArray) -> Forcing:
+        """The stretch up to a fraction (nsim,) of its duration."""
+        return self._part(np.zeros_like(fraction), fraction)
+
+    def _part(self, start: FloatArray, end: FloatArray) -> Forcing:
+        times = np.stack([start, 0.5 * (end + start), end])
         ahead = self.ahead if len(self.ahead) == 1 else _parabola(self.ahead, times)
         left = _parabola(self.left, times)  # exact on level floor, where u1 and u2 are linear
         twist = None if self.twist is None else np.stack([_parabola(u, times) for u in self.twist])
-        return Forcing((1.0 - fraction) * self.duration_s, ahead, left, self.drive, twist)
+        return Forcing((end - start) * self.duration_s, ahead, left, self.drive, twist)
 
 
 def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
@@ -55,6 +64,37 @@ def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
     start, middle, end = nodes
     slope, bend = 4.0 * middle - 3.0 * start - end, 2.0 * (start - 2.0 * middle + end)
     return np.asarray(start + times * (slope + times * bend))
+
+
+class _Constants(NamedTuple):
+    """What a robot's numbers are to its hitch; one each, or (nsim,)."""
+
+    stiffness: float  # [1/s²]
+    damping: float  # [1/s]
+    friction: float  # [rad/s²]
+    forces: Forces  # that hold back the balls [1/(m·s²)]
+    fading: float  # speed below which balls are held back by less [m/s]
+    longest_step_s: float
+
+    @classmethod
+    def of(
+        cls, robot: RobotParameters, ground: Ground, longest_s: float, *, published_spring: bool
+    ) -> _Constants:
+        """Arguments as of `HitchSwing`."""
+        law = published_spring_acceleration if published_spring else spring_damper_acceleration
+        one, zero = np.ones(()), np.zeros(())
+        stiffness, damping = -float(law(one, zero, robot)), -float(law(zero, one, robot))
+        inertia = robot.swing_inertia_kg_m2
+        friction = robot.hitch.coulomb_friction_n_m / inertia
+        forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
+        forces = Forces(*(f / inertia for f in forces))
+        # as soft as the step needs it, lest a ball that is nearly at rest chatter
+        slowing = float(forces.right + forces.left) * robot.trailer.com_offset_m**2  # of the balls
+        fading = max(FADING_M_S, slowing * longest_s)
+        linear = np.array([[0.0, 1.0], [-stiffness, -damping]])
+        fastest = float(np.abs(np.linalg.eigvals(linear)).max())
+        longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
+        return cls(stiffness, damping, friction, forces, fading, longest_step_s)
 
 
 class HitchSwing:
@@ -68,7 +108,8 @@ class HitchSwing:
     Attributes:
         longest_step_s: bound on the step for a stable integration; infinite without a spring and
             damper.
-        resisted: whether balls resist, so that the forcing needs the tractor's twist.
+        length_m: k, the length that the forcing's accelerations are divided by.
+        needs_twist: whether balls resist, so that the forcing needs the tractor's twist.
     """
 
     def __init__(
@@ -77,31 +118,27 @@ class HitchSwing:
         """Take the constants.
 
         Args:
-            robot: hitch, trailer and balls.
-            ground: its weight on the balls.
+            robot: hitch, trailer and balls; or those of every simulation (`config.stacked`).
+            ground: its weight on the balls; likewise.
             longest_s: step that will be taken.
             published_spring: divide torques by k as in Eq. 41.
         """
-        law = published_spring_acceleration if published_spring else spring_damper_acceleration
-        one, zero = np.ones(()), np.zeros(())
-        self._stiffness = -float(law(one, zero, robot))  # [1/s²]
-        self._damping = -float(law(zero, one, robot))  # [1/s]
-        self._friction = robot.hitch.coulomb_friction_n_m / robot.swing_inertia_kg_m2  # [rad/s²]
+        of = partial(_Constants.of, longest_s=longest_s, published_spring=published_spring)
+        constants = each(of, robot, ground)
+        self._stiffness, self._damping, self._friction, self._forces, self._fading, _ = constants
         self._robot = robot
-        forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
-        self._forces = Forces(*(f / robot.swing_inertia_kg_m2 for f in forces))  # [1/(m·s²)]
-        # as soft as the step needs it, lest a ball that is nearly at rest chatter
-        both = float(self._forces.right + self._forces.left)
-        slowing = both * robot.trailer.com_offset_m**2  # [m/s²] of the balls
-        self._fading = max(FADING_M_S, slowing * longest_s)
-        linear = np.array([[0.0, 1.0], [-self._stiffness, -self._damping]])
-        self.resisted = both > 0.0
-        fastest = float(np.abs(np.linalg.eigvals(linear)).max())
-        self.longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf
+        self._sprung = bool(np.any(self._stiffness) or np.any(self._damping))
+        self._rubs = bool(np.any(self._friction))
+        self.length_m = robot.swing_length_m
+        self.needs_twist = bool(np.any(self._forces.right) or np.any(self._forces.left))
+        self.longest_step_s = float(np.min(constants.longest_step_s))
 
     def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
-        """Hitch angle [rad] and rate [rad/s], (2, nsim), after one stretch of time."""
-        if not self._friction:
+        """Hitch angle [rad] and rate [rad/s], (2, 1, nsim), after one stretch of time."""
+        return self._step(state[:, 0], forcing)[:, None]
+
+    def _step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
+        if not self._rubs:
             return self._glide(state, forcing, 0.0)
         state, stop = self._slide_or_stick(state, forcing)
         if np.any(stop < 1.0):
@@ -144,7 +181,7 @@ class HitchSwing:
         node = round(2.0 * share)
         ahead = forcing.ahead[min(node, len(forcing.ahead) - 1)]
         free = sideways(angle - self._robot.lean_rad, ahead, forcing.left[node])
-        if self._stiffness or self._damping:
+        if self._sprung:
             free = free - (self._stiffness * angle + self._damping * rate)
         if forcing.twist is not None:
             u1, u2 = forcing.twist[:, node]

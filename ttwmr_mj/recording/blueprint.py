@@ -48,7 +48,7 @@ def blueprint(
         times_s: the first and the last time of the run, once they are known.
     """
     none = _empty_plots(reference, camera)
-    tabs = []
+    tabs: list[rrb.Container | rrb.View] = []
     for title, plots in TABS.items():
         shown = [plot for plot in plots if plot not in none]
         views: list[rrb.View] = [_plot(plot, (ranges or {}).get(plot), times_s) for plot in shown]

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+import numpy as np
 import rerun as rr
 
 from ttwmr_mj.recording import style
@@ -24,18 +25,17 @@ ESTIMATE: Entry = ("estimated", style.ESTIMATE, 1.2)
 def draw_key(stream: rr.RecordingStream, entries: Sequence[Entry]) -> None:
     """Log the strip, its entries side by side."""
     names, colours, widths = zip(*entries, strict=True)
-    pitch = KEY_SIZE[0] / len(entries)
-    lefts = [pitch * i + 1.0 for i in range(len(entries))]
+    lengths = np.array([SAMPLE + NAME_GAP + 2.0 * HALF_LETTER * len(name) for name in names])
+    room = (KEY_SIZE[0] - lengths.sum()) / len(entries)
+    left = np.cumsum(lengths + room) - lengths - 0.5 * room
+    middle = left + 0.5 * (SAMPLE + NAME_GAP + lengths)  # of the names
     samples = rr.LineStrips2D(
-        [[[x, SAMPLE_DEPTH], [x + SAMPLE, SAMPLE_DEPTH]] for x in lefts],
+        [[[x, SAMPLE_DEPTH], [x + SAMPLE, SAMPLE_DEPTH]] for x in left],
         colors=colours,
         radii=rr.Radius.ui_points(widths),
     )
     labels = rr.Points2D(
-        [
-            [x + SAMPLE + NAME_GAP + HALF_LETTER * len(name), NAME_DEPTH]
-            for x, name in zip(lefts, names, strict=True)
-        ],
+        np.column_stack([middle, np.full(len(names), NAME_DEPTH)]),
         colors=colours,
         radii=rr.Radius.ui_points([0.0]),
         labels=names,

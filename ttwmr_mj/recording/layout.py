@@ -20,6 +20,8 @@ FOLLOWING_EYE_M = (-0.32, -0.35, 0.34)  # from P, seen over its right shoulder w
 Range = tuple[float, float]
 EDGE = 0.04  # share of an axis kept free at both ends, where the viewer would cut a tick's label
 
+LEGEND_SHARE = 0.5  # room over the curves for a legend, relative to what they take
+
 
 def page(content: rrb.Container) -> rrb.Blueprint:
     """A layout without the viewer's panels, but for the time cursor."""
@@ -56,8 +58,14 @@ def plot_view(
         name=title,
         plot_legend=rrb.PlotLegend(legend, visible=legend is not None),
         axis_x=_time_axis(times_s),
-        axis_y=None if values is None else rrb.ScalarAxis(range=roomy(values)),
+        axis_y=None if values is None else rrb.ScalarAxis(range=roomy(_under(legend, values))),
     )
+
+
+def _under(legend: rrb.Corner2D | None, values: Range) -> Range:
+    """The range with room for a legend at the top."""
+    low, high = values
+    return values if legend is None else (low, high + LEGEND_SHARE * (high - low))
 
 
 def roomy(values: Range) -> Range:

@@ -22,7 +22,7 @@ from typing import IO, Self
 
 from ttwmr_mj.recording.viewer import Viewer
 
-POLL_S = 0.03  # between two looks at the file's end
+POLL_S = 0.05  # between two looks at the file's end
 PIECE_BYTES = 1 << 18
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 DRAIN_S = 5.0  # at the end of a run, for a viewer to take what is left
@@ -77,10 +77,9 @@ class LiveView:
         lines = self._words.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {self._process.returncode}"
 
-    def linger(self) -> None:
-        """Wait until the viewer ends or the user presses Ctrl-C."""
-        with suppress(KeyboardInterrupt):
-            self._process.wait()
+    def wait(self) -> None:
+        """Wait until the viewer ends; Ctrl-C raises KeyboardInterrupt here as anywhere."""
+        self._process.wait()
 
     def close(self) -> None:
         """End the viewer, unless it is a window that the user may want to look at."""

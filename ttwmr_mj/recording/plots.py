@@ -10,7 +10,7 @@ import rerun as rr
 from rerun.blueprint import Corner2D
 
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.series import Series, SeriesLog, StateLog
+from ttwmr_mj.recording.series import Series, SeriesLog, StateLog, widened
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.words import drawable
 from ttwmr_mj.results.curves import Curves
@@ -72,21 +72,21 @@ _WHEEL_SPEED = {
     "true": Series(("right", "left"), (style.RIGHT, style.LEFT)),
 }
 PLOTS: dict[str, Plot] = {
-    "x": _against_reference("x of P [m]", style.TRACTOR),
-    "y": _against_reference("y of P [m]", style.TRACTOR),
+    "x": _against_reference("x of P [mm]", style.TRACTOR),
+    "y": _against_reference("y of P [mm]", style.TRACTOR),
     "theta1": _against_reference("θ1 of the tractor [rad]", style.TRACTOR),
     "theta2": _against_reference("θ2 of the trailer [rad]", style.TRAILER),
     # The viewer has no logarithmic axis, so the logarithm is what is recorded.
     "position_error": Plot(
-        "distance from the reference, log₁₀ of mm: 0 = 1 mm, 1 = 1 cm, 2 = 10 cm",
+        "off the reference, log₁₀ of mm (1 = 1 cm, 2 = 10 cm)",
         None,
         {
             "tractor": Series(("tractor, P",), (style.TRACTOR,)),
             "trailer": Series(("trailer, COM",), (style.TRAILER,)),
         },
     ),
-    "tractor_error": _single("P from its reference [mm]", style.TRACTOR),
-    "trailer_error": _single("trailer's COM from its reference [mm]", style.TRAILER),
+    "tractor_error": _single("P, error [mm]", style.TRACTOR),
+    "trailer_error": _single("trailer's COM, error [mm]", style.TRAILER),
     "angle_error": _angles("angle errors [°]"),
     "hitch_angle": _single("hitch angle θ2 − θ1 [°]", style.TRAILER),
     "wheel_speed": Plot("wheel speeds [rad/s]", Corner2D.RightTop, _WHEEL_SPEED),
@@ -94,6 +94,7 @@ PLOTS: dict[str, Plot] = {
     "estimate_angle_error": _angles("estimation errors of the angles [mrad]"),
     "measurement_age": _single("age of the newest measurement [ms]", style.ESTIMATE, "seen"),
 }
+SCALES = {"x": 1e3, "y": 1e3, "theta1": 1.0, "theta2": 1.0}  # of the columns of q
 LEAST_ERROR_MM = 1e-3  # of the logarithm: a micrometre, less is nothing
 RESTING_M_S = 1e-3
 STATES: dict[str, dict[str, tuple[str, Colour]]] = {  # state → value → label and colour
@@ -138,10 +139,8 @@ class Plots:
         self._states["law"].append(rows.time_s, self._law_states(rows))
 
     def _widen(self, plot: str, values: FloatArray) -> None:
-        known = values[np.isfinite(values)]
-        if known.size:
-            low, high = self.ranges.get(plot, (np.inf, -np.inf))
-            self.ranges[plot] = min(low, float(known.min())), max(high, float(known.max()))
+        if np.isfinite(values).any():
+            self.ranges[plot] = widened(self.ranges.get(plot), values)
 
     def _law_states(self, rows: Trajectory) -> list[str]:
         """A law is singular at standstill, which is no news of a robot that rests or starts."""
@@ -163,8 +162,12 @@ def _values(rows: Trajectory, curves: Curves) -> dict[str, dict[str, FloatArray]
     q, ref_q, est_q = rows.q[:, 0], rows.ref_q[:, 0], rows.est_q[:, 0]
     seen = np.where((est_q != q).any(axis=1, keepdims=True), est_q, np.nan)
     values: dict[str, dict[str, FloatArray]] = {
-        plot: {"true": q[:, [i]], "seen": seen[:, [i]], "reference": ref_q[:, [i]]}
-        for i, plot in enumerate(("x", "y", "theta1", "theta2"))
+        plot: {
+            "true": scale * q[:, [i]],
+            "seen": scale * seen[:, [i]],
+            "reference": scale * ref_q[:, [i]],
+        }
+        for i, (plot, scale) in enumerate(SCALES.items())
     }
     degrees = np.degrees(curves.theta_error_rad[:, 0])
     values["position_error"] = {

@@ -162,4 +162,4 @@ def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:
     entries += [key.TRACTOR, key.TRAILER]
     entries += [key.MISS] if reference is not None else []
     entries += [key.ESTIMATE] if camera else []
-    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm per N", style.FORCE, 1.6)]
+    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6)]

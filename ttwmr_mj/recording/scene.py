@@ -7,9 +7,9 @@ import numpy as np
 import rerun as rr
 
 from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.plants.outline import VISUAL_GROUP
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.floor import TRACTOR_HEIGHT_M, TRAILER_HEIGHT_M, floor_shapes, lift
-from ttwmr_mj.recording.outline import VISUAL_GROUP
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.recording.target import Target

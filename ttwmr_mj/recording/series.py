@@ -17,6 +17,13 @@ def time_column(time_s: FloatArray) -> rr.TimeColumn:
     return rr.TimeColumn(TIMELINE, duration=np.rint(1e9 * time_s).astype("timedelta64[ns]"))
 
 
+def widened(span: tuple[float, float] | None, values: FloatArray) -> tuple[float, float]:
+    """The smallest and the largest of what was spanned before and of the finite values."""
+    known = values[np.isfinite(values)]
+    low, high = span or (np.inf, -np.inf)
+    return float(known.min(initial=low)), float(known.max(initial=high))
+
+
 @dataclass(frozen=True, slots=True)
 class Series:
     """Curves of one entity, defined or undefined together."""

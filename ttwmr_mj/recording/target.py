@@ -5,9 +5,9 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.floor import BAND_HEIGHT_M, BORDER_HEIGHT_M, PLACE_HEIGHT_M, lift
-from ttwmr_mj.recording.outline import chassis, outline
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.recording.style import Colour
@@ -86,7 +86,8 @@ class Target:
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
         """Move pin, places and arrows to the reference at the next rows that have one."""
-        ref_q, known = rows.ref_q[:, 0], np.isfinite(rows.ref_q[:, 0, :2]).all(axis=1)
+        ref_q = rows.ref_q[:, 0]
+        known: BoolArray = np.asarray(np.isfinite(ref_q[:, :2]).all(axis=1))
         told = known & ((np.arange(len(rows)) + self._rows) % TEXT_EVERY == 0)
         self._rows += len(rows)
         if known.any():
@@ -149,7 +150,9 @@ def miss_text(tractor_m: float, trailer_m: float) -> str:
 
 
 def distance(length_m: float) -> str:
-    """As a person reads it while it changes: 1.2 mm, 34 mm, 0.56 m."""
+    """As a person reads it while it changes: 45 µm, 1.2 mm, 34 mm, 1.56 m."""
+    if length_m < 1e-4:
+        return f"{1e6 * length_m:.0f} µm"
     if length_m < 0.01:
         return f"{1e3 * length_m:.1f} mm"
     return f"{1e3 * length_m:.0f} mm" if length_m < 1.0 else f"{length_m:.2f} m"

@@ -6,6 +6,7 @@ such runs. Nothing is dropped here.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -60,10 +61,31 @@ def quantile(values: FloatArray, at: float, rng: np.random.Generator) -> Interva
     rest = n - below - 1  # uniform numbers above the first; the smallest of them is the next
     shrink = rng.random(RESAMPLES) ** (1.0 / rest) if rest else np.ones(RESAMPLES)
     second = 1.0 - (1.0 - first) * shrink
-    draws = [ranked[np.minimum((n * u).astype(int), n - 1)] for u in (first, second)]
-    found = np.sort(_between(*draws, part))
+    low, high = (ranked[np.minimum((n * u).astype(int), n - 1)] for u in (first, second))
+    found = np.sort(_between(low, high, part))
     cut = round(0.5 * (1.0 - LEVEL) * RESAMPLES)
     return Interval(value, float(found[cut]), float(found[-1 - cut]))
+
+
+def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
+    """Interval of the population's median, whatever the distribution: two of the values.
+
+    The k-th smallest and the k-th largest, with the largest k for which they hold the median
+    between them at LEVEL: 1 − 2·Pr(fewer than k of n fall below it). None of five and less. For the
+    few seeds of a task, where a bootstrap would be too sure.
+    """
+    from scipy.stats import binom
+
+    n = len(values)
+    k = sum(binom.cdf(i, n, 0.5) <= 0.5 * (1.0 - LEVEL) for i in range(n))
+    return (sorted(values)[k - 1], sorted(values)[n - k]) if k else None
+
+
+def sign_test(wins: int, losses: int) -> float:
+    """Exact two-sided p of so uneven a result between equals."""
+    from scipy.stats import binomtest
+
+    return float(binomtest(wins, wins + losses).pvalue) if wins + losses else 1.0
 
 
 def _between(low: FloatArray, high: FloatArray, part: float) -> FloatArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
@@ -17,8 +17,9 @@ from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.pace import Pace, behind
-from ttwmr_mj.runs.report import details_text, result_text, summary
+from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
+from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
 
@@ -77,9 +78,37 @@ def run_scenario(
     Raises:
         InputError: the scenario cannot be built.
     """
+    experiment = Experiment(scenario, scenario_folder)
+    return run_experiment(
+        experiment, folder, command_line=command_line, progress=progress, live=live, pace=pace
+    )
+
+
+def run_experiment(
+    experiment: Experiment,
+    folder: Path,
+    *,
+    command_line: list[str] | None = None,
+    progress: Progress | None = None,
+    live: LiveView | None = None,
+    pace: Pace | None = None,
+    replayed: Callable[[Result], Scenario] | None = None,
+) -> Run:
+    """Run what has been built; arguments as of `run_scenario`.
+
+    Args:
+        experiment: not yet run.
+        folder: an existing folder for the files.
+        command_line: for the manifest.
+        progress: called now and then with the simulated time [s].
+        live: shows the recording while it is written.
+        pace: how fast; None: as fast as it can.
+        replayed: the scenario that the files tell, once it is known how the run went; None: the
+            experiment's own.
+    """
     pace = pace or Pace()
     watch = Stopwatch()
-    experiment = Experiment(scenario, scenario_folder)
+    scenario = experiment.scenario
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
     contact = _physics_rate_plant(experiment)
@@ -87,7 +116,10 @@ def run_scenario(
         contact.keep_physics_rate()
     watch.lap("setup")
     frames = _frame_export(scenario, folder)
-    result = _simulate(experiment, folder, frames, progress, live, pace)
+    result = _simulate(experiment, folder, frames, progress, live, pace, replayed)
+    if replayed is not None:
+        scenario = result.scenario
+        write_resolved(folder, scenario)
     if frames is not None:
         frames.finish()
     watch.lap("recording")
@@ -100,12 +132,24 @@ def run_scenario(
         state = RobotState(states.q[0], states.q_rate[0])
         write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
     watch.lap("files")
-    if scenario.output.figures and len(result.trajectory) > 1:
-        from ttwmr_mj.figures.run import write_run_figures
-
-        write_run_figures(result.trajectory, scenario.robot, folder / "figures", scenario.name)
+    if len(result.trajectory) > 1:
+        _draw(result.trajectory, scenario, metrics, folder)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares}, pace.told())
+
+
+def _draw(
+    trajectory: Trajectory, scenario: Scenario, metrics: dict[str, Any], folder: Path
+) -> None:
+    """The figures that are wanted."""
+    if scenario.output.figures:
+        from ttwmr_mj.figures.summary import write_summary
+
+        write_summary(trajectory, scenario.robot, folder, figure_title(scenario, metrics))
+    if scenario.output.paper_plots:
+        from ttwmr_mj.figures.run import write_run_figures
+
+        write_run_figures(trajectory, scenario.robot, folder / "figures", scenario.name)
 
 
 def _physics_rate_plant(experiment: Experiment) -> ContactPlant | None:
@@ -168,18 +212,29 @@ def _simulate(
     progress: Progress | None,
     live: LiveView | None,
     pace: Pace,
+    replayed: Callable[[Result], Scenario] | None,
 ) -> Result:
     """Run, with a recorder open if one is wanted: the recording is readable whatever happens."""
     scenario = experiment.scenario
     with ExitStack() as stack:
-        recorder = None
-        if scenario.output.recording:
-            recorder = stack.enter_context(_recorder(experiment, folder, pace, live))
+        recorders: list[RunRecorder] = []  # one, once it is open, or none
+
+        def close() -> None:
+            for recorder in recorders:
+                recorder.close()
+
+        stack.callback(close)
         background = stack.enter_context(Background())
-        report = _reporter(experiment, background, recorder, frames, progress, pace)
+        if scenario.output.recording:  # opened beside the loop, which takes some 50 ms
+            background.do(lambda: recorders.append(_recorder(experiment, folder, pace, live)))
+        report = _reporter(experiment, background, recorders, frames, progress, pace)
         result = experiment.run(report, pace=pace)
         background.wait()
-        if recorder is not None:
+        if replayed is not None:
+            scenario = replayed(result)
+            asked = demands_of(scenario, experiment.reference)
+            result = replace(result, scenario=scenario, demands=asked)
+        for recorder in recorders:
             wall_time_s = sum(result.wall_time_s.values())
             metrics = metrics_of(result, scenario, wall_time_s)
             recorder.finish(result_text(scenario, metrics, pace.told()), details_text(metrics))
@@ -189,7 +244,7 @@ def _simulate(
 def _reporter(
     experiment: Experiment,
     background: Background,
-    recorder: RunRecorder | None,
+    recorders: list[RunRecorder],
     frames: FrameExport | None,
     progress: Progress | None,
     pace: Pace,
@@ -207,7 +262,7 @@ def _reporter(
         records = [] if camera is None else camera.drain_log()
 
         def record() -> None:
-            if recorder is not None:
+            for recorder in recorders:
                 recorder.append(rows)
                 if late:
                     recorder.append_pace(rows.time_s, late)

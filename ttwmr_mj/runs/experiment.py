@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -14,7 +15,7 @@ from ttwmr_mj.runs.loop import Outcome, Report
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
-from ttwmr_mj.runs.verdict import demands_of, verdict_on
+from ttwmr_mj.runs.verdict import verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -60,7 +61,13 @@ class Result:
 class Experiment:
     """One scenario made ready to run, once or several times side by side."""
 
-    def __init__(self, scenario: Scenario, folder: Path | None = None, nsim: int = 1) -> None:
+    def __init__(
+        self,
+        scenario: Scenario,
+        folder: Path | None = None,
+        nsim: int = 1,
+        controller: Controller | None = None,
+    ) -> None:
         """Build it.
 
         Args:
@@ -68,12 +75,15 @@ class Experiment:
             folder: where a custom controller is looked for first.
             nsim: simulations in the batch; the first is as if alone, the others differ from it by
                 what is random.
+            controller: drives instead of the scenario's own.
 
         Raises:
             InputError: it cannot be built.
         """
         self.scenario = scenario
-        self._simulations = Simulations([scenario] * nsim, folder or Path(), draws=range(nsim))
+        self._simulations = Simulations(
+            [scenario] * nsim, folder or Path(), draws=range(nsim), controller=controller
+        )
 
     @property
     def nsim(self) -> int:
@@ -120,5 +130,5 @@ class Experiment:
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
-            demands=demands_of(self.scenario, self.reference),
+            demands=self._simulations.demands[0],
         )

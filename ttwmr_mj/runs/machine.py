@@ -7,6 +7,7 @@ import re
 from importlib.metadata import requires, version
 from pathlib import Path
 
+from ttwmr_mj.recording.viewer import display
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.vision.camera.gl import BACKENDS, DEBIAN_PACKAGES, probe
 
@@ -26,6 +27,7 @@ def examine() -> tuple[str, bool]:
     if missing:
         lines.append(f"  install them: pip install {' '.join(missing)}")
     lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)", *_opengl()]
+    lines += ["", "Display, for windows (not needed to record)", *_display()]
     lines += ["", "Vulkan, for the Rerun viewer (not needed to record)", *_vulkan()]
     return "\n".join(lines), not missing
 
@@ -42,6 +44,12 @@ def _opengl() -> list[str]:
     if all(one.renderer is None for one in found.values()):
         lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
     return lines
+
+
+def _display() -> list[str]:
+    if (found := display()) is not None:
+        return [f"  {found}"]
+    return ["  none: look on in a browser, with ttwmr view --web or ttwmr run --live=web"]
 
 
 def _vulkan() -> list[str]:

@@ -98,6 +98,13 @@ def result_text(scenario: Scenario, metrics: dict[str, Any], pace: str = "") -> 
     return "\n\n".join(filter(None, lines))
 
 
+def figure_title(scenario: Scenario, metrics: dict[str, Any]) -> list[str]:
+    """Name and verdict, what ran, and the headline, for the run's figure."""
+    verdict = VERDICTS[metrics["verdict"]][0]
+    lines = [f"{scenario.name}: {verdict}", what_ran(scenario), headline_words(metrics)]
+    return list(filter(None, lines))
+
+
 def details_text(metrics: dict[str, Any]) -> str:
     """The numbers of a run, for the recording."""
     lines = (f"**{verdict_line(metrics)}**", headline(metrics), _table("result", results(metrics)))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -12,6 +13,7 @@ import numpy as np
 from ttwmr_mj.config import stacked
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.references.shared.feasibility import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory, column_names
 from ttwmr_mj.runs import build
@@ -20,6 +22,7 @@ from ttwmr_mj.runs.laws import Laws, Part
 from ttwmr_mj.runs.loop import Loop, Report
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push
+from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import RobotState
@@ -44,6 +47,7 @@ class Simulations:
         *,
         draws: Sequence[int] | None = None,
         nthread: int = 0,
+        controller: Controller | None = None,
     ) -> None:
         """Build it.
 
@@ -53,6 +57,7 @@ class Simulations:
             draws: which of its seed's random numbers each gets: 0 those of a run alone, 1 others,
                 and so on; None: 0.
             nthread: threads of contact physics; 0: one per processor.
+            controller: drives all of them instead of the scenarios' own.
 
         Raises:
             InputError: they cannot be built.
@@ -64,7 +69,21 @@ class Simulations:
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
         self.sensor: Sensor | None = None
         self._told = _once(build.believed_reference, self.scenarios, _told_by)
-        self._laws = self._grouped_laws()
+        own = self._grouped_laws()
+        self._laws = [(controller, [*range(self.nsim)])] if controller else own
+
+    @cached_property
+    def demands(self) -> list[Feasibility | None]:
+        """What its reference asks of each robot."""
+        known: dict[Hashable, Feasibility | None] = {}
+        keys = [
+            (id(reference), row.robot, row.ground, row.plant.contact.floor_friction)
+            for row, reference in zip(self.scenarios, self.references, strict=True)
+        ]
+        for i, key in enumerate(keys):
+            if key not in known:
+                known[key] = demands_of(self.scenarios[i], self.references[i])
+        return [known[key] for key in keys]
 
     @property
     def nsim(self) -> int:
@@ -136,7 +155,8 @@ class Simulations:
         """Equal for simulations that one law can drive."""
         if scenario.controller.alone:  # of one scenario, which an experiment may repeat
             return None
-        if scenario.controller.takes_stacks:
+        # computed torque inverts the equations of one robot
+        if scenario.controller.takes_stacks and not scenario.control.torque_input:
             return scenario.believed_command_latency_s
         return (
             scenario.controller,
@@ -148,7 +168,8 @@ class Simulations:
 
     def _law(self, group: list[int]) -> Controller:
         """The law of these simulations, which all must be able to have."""
-        for i in {id(self._told[i]): i for i in group}.values():
+        different = {(id(self._told[i]), id(self.scenarios[i].controller)): i for i in group}
+        for i in different.values():
             build.refuse_reference(self.scenarios[i], self._told[i])
         return build.make_controller(stacked([self.scenarios[i] for i in group]), self._folder)
 

@@ -61,7 +61,7 @@ class FrameExport:
     def _write(self, frame: Frame, truth: FrameTruth, classes: Image) -> None:
         number = len(self._images) + 1
         name = f"{number:06d}.png"
-        rows, columns = frame.image.shape[:2]
+        rows, columns = frame.pixels.shape[:2]
         image = {"id": number, "file_name": name, "width": columns, "height": rows}
         self._images.append({**image, "time_s": frame.time_s})
         self._annotations.append(annotation(truth, classes, number))

@@ -21,6 +21,7 @@ class Bench(Quiet, name="bench"):
         from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.studies.bench.execute import run_suite
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
+        from ttwmr_mj.studies.bench.page import write_page
         from ttwmr_mj.studies.bench.scoring import collect
         from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
@@ -33,6 +34,7 @@ class Bench(Quiet, name="bench"):
         board = collect(suite, folder)
         title = f"{suite.name}: {suite.description}" if suite.description else suite.name
         write_leaderboard(board, folder, title)
+        write_page(board, folder, title)
         if not self.quiet:
             print(f"{to_summary(board, title)}\nwritten to {folder}")
         return 0

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line
+from ttwmr_mj.errors import InputError, RunError
 
 
-class Compare(Overrides, NewFolder, name="compare"):
+class Compare(Overrides, NewFolder, Live, name="compare"):
     """Compare contact physics with the analytic model and explain it."""
 
     scenario: str = argument(SCENARIO)
@@ -46,18 +46,27 @@ class Compare(Overrides, NewFolder, name="compare"):
             recording=scenario.output.recording,
             figures=scenario.output.figures,
         )
+        if self.live is not None and self.real_wheels:
+            problem = "with --real-wheels the analytic motion is found for the whole run at once"
+            raise InputError.at("--live", problem, hint="leave one of them out")
+        pace = self.make_pace()
+        self.check_recording(scenario)
         folder = self.open_folder(f"{scenario.name}-compared", scenario.seed)
-        with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
-            done = compare_scenario(
-                scenario,
-                folder,
-                options,
-                scenario_folder=find_scenario(self.scenario).parent,
-                command_line=command_line(),
-                progress=progress,
-            )
-        if not self.quiet:
-            print(f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}")
+        with self.live_view() as live:
+            with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
+                done = compare_scenario(
+                    scenario,
+                    folder,
+                    options,
+                    scenario_folder=find_scenario(self.scenario).parent,
+                    command_line=command_line(),
+                    progress=progress,
+                    live=live,
+                    pace=pace,
+                )
+            if not self.quiet:
+                text = plain(done.report)
+                print(f"{text}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}")
         if done.breaches:
             lines = "\n".join(f"  {breach}" for breach in done.breaches)
             raise RunError(f"{scenario.name} exceeds {self.tolerance}; see {folder}\n{lines}")

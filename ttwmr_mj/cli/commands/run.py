@@ -19,6 +19,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         "exit with 1 unless the run gets this verdict, such as followed", metavar="VERDICT"
     )
     save_frames: bool = option("keep the camera's frames, with COCO keypoint annotations")
+    paper_plots: bool = option("also draw the article's plots, one quantity each, into figures/")
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
@@ -27,11 +28,13 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()
-        wishes = ["output.save_frames=true"] if self.save_frames else []
+        wished = {"save_frames": self.save_frames, "paper_plots": self.paper_plots}
+        wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
         if not self.quiet:
             warn(warnings(scenario))
         pace = self.make_pace()
+        self.check_recording(scenario)
         folder = self.open_folder(scenario.name, scenario.seed)
         with self.live_view() as live:
             with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:

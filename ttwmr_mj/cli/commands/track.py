@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import NewFolder
+from ttwmr_mj.cli.shared import Live, NewFolder
 
 
-class TrackCommand(NewFolder, name="track"):
+class TrackCommand(NewFolder, Live, name="track"):
     """Track the robot through a video or a camera's stream."""
 
     source: str = argument("a video file, or a camera's index")
@@ -22,17 +22,21 @@ class TrackCommand(NewFolder, name="track"):
         from ttwmr_mj.studies.track.track import track
 
         robot = load_scenario(self.scenario).robot
+        pace = self.make_pace()
         folder = self.open_folder("track", Path(self.source).stem)
-        with progress_bar("tracking", self.frames, "frames", self.quiet) as progress:
-            done = track(
-                self.source,
-                self.calibration,
-                folder,
-                robot,
-                max_frames=self.frames,
-                progress=progress,
-            )
-        if not self.quiet:
-            print(f"{done.frames} frames, robot tracked in {done.tracked}")
-            print(f"written to {done.folder}")
+        with self.live_view() as live:
+            with progress_bar("tracking", self.frames, "frames", self.quiet) as progress:
+                done = track(
+                    self.source,
+                    self.calibration,
+                    folder,
+                    robot,
+                    max_frames=self.frames,
+                    progress=progress,
+                    live=live,
+                    pace=pace,
+                )
+            if not self.quiet:
+                print(f"{done.frames} frames, robot tracked in {done.tracked}")
+                print(f"written to {done.folder}")
         return 0

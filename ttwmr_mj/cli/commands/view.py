@@ -1,5 +1,6 @@
 """`ttwmr view`: a recording in the viewer."""
 
+from contextlib import suppress
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, argument, option
@@ -21,9 +22,9 @@ class View(Subcommand, name="view"):
         from ttwmr_mj.recording.live import LiveView
 
         recording = find_recording(self.recording)
-        with LiveView(web_viewer()) as served:
+        with LiveView(web_viewer()) as served, suppress(KeyboardInterrupt):
             served.follow(recording)
             print(f"{recording} is at {served.viewer.page} until Ctrl-C", flush=True)
             served.finish()
-            served.linger()
+            served.wait()
         return 0

@@ -38,7 +38,6 @@ PLACES: dict[Learnable, slice] = {
 # 1e-3 N·m·s with Table I's trailer.
 PRIOR_STD = np.array([0.2, 0.2, 0.12, 0.14, 0.14])
 FORGETTING_1_S = 0.01  # share of the prior's variance that comes back in a second: floors change
-FRICTION_RATE_RAD_S = 0.05  # hitch rate from which on dry friction counts as nearly full
 # How fast the unexplained θ̈2 may change while others are learned, per √s: six times as fast as
 # without, or forces would have to explain what they cannot (friction that sticks, a length that is
 # wrong). Of 16 unkind worlds by camera tvlqr follows 15 at 0.15 and all at 0.3 and 0.5, at medians
@@ -62,6 +61,7 @@ class Learner:
         nsim: int,
         process_std: tuple[float, float, float],
         measurement_std: tuple[float, float],
+        smoothing_rad_s: float,
     ) -> None:
         """Nothing is known yet but the priors.
 
@@ -72,8 +72,9 @@ class Learner:
             nsim: simulations.
             process_std: what a period adds to θ2, θ̇2 and w.
             measurement_std: of θ2 and θ̇2.
+            smoothing_rad_s: hitch rate above which dry friction counts as nearly full.
         """
-        self._robot, self._period = robot, period_s
+        self._robot, self._period, self._smoothing_rad_s = robot, period_s, smoothing_rad_s
         self.places: BoolArray = np.zeros(INFLUENCES, dtype=np.bool_)
         for name in PLACES.keys() & set(learn):
             self.places[PLACES[name]] = True
@@ -137,6 +138,6 @@ class Learner:
         factors[:, GRAVITY] = -trailer_axes(theta2 - self._robot.lean_rad)[1] / k
         along, across, one = dot(com, t), dot(com, n), np.ones(len(body))
         factors[:, DRAG] = held_back(one, along, across, body[:, 4], self._robot) / k
-        factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, FRICTION_RATE_RAD_S)
+        factors[:, DRY] = -hitch_rate / np.hypot(hitch_rate, self._smoothing_rad_s)
         factors[:, VISCOUS] = -hitch_rate
         return factors

@@ -59,7 +59,8 @@ class SteeringLaw(Law[OptionsT]):
             angle = noise.angle_std_rad, noise.rate_std_rad_s
             walk = max(noise.swing_walk_rad_s2, UNEXPLAINED_WALK_RAD_S2)
             process = process_std(noise.model_copy(update={"swing_walk_rad_s2": walk}), T)
-            learner = Learner(options.learn, self._robot, T, self._nsim, process, angle)
+            smoothing = options.friction.smoothing_rad_s
+            learner = Learner(options.learn, self._robot, T, self._nsim, process, angle, smoothing)
         if "latency" in options.learn:
             std = noise.position_std_m, noise.angle_std_rad
             latency = LatencyFinder(self._robot, T, self._nsim, std)

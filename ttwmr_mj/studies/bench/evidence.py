@@ -1,13 +1,11 @@
 """What runs of several seeds can show: intervals, and whether one law is better than another."""
 
-import math
 import statistics
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from scipy.stats import binom, binomtest
+from ttwmr_mj.results.statistics import median_interval, sign_test
 
-CONFIDENCE = 0.95  # of all intervals
 SIGNIFICANCE = 0.05  # largest p at which two laws differ
 
 
@@ -41,24 +39,6 @@ class Outcome(NamedTuple):
     error: float  # smaller is better
 
 
-def share_interval(count: int, runs: int) -> tuple[float, float]:
-    """Exact binomial interval (Clopper-Pearson) of the share that `count` of `runs` come from."""
-    found = binomtest(count, runs).proportion_ci(CONFIDENCE, method="exact")
-    return float(found.low), float(found.high)
-
-
-def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """Interval of the population's median, whatever the distribution: two of the values.
-
-    The k-th smallest and the k-th largest, with the largest k for which they hold the median
-    between them with CONFIDENCE: 1 − 2·Pr(fewer than k of n fall below it). None of five and less.
-    """
-    n = len(values)
-    allowed = (1.0 - CONFIDENCE) / 2.0
-    k = sum(binom.cdf(i, n, 0.5) <= allowed for i in range(n))
-    return (sorted(values)[k - 1], sorted(values)[n - k]) if k else None
-
-
 def better(one: Mapping[int, Outcome], other: Mapping[int, Outcome]) -> bool:
     """Whether one law is significantly better than another, by seeds that both have run.
 
@@ -68,15 +48,13 @@ def better(one: Mapping[int, Outcome], other: Mapping[int, Outcome]) -> bool:
     """
     results = [_result(one[seed], other[seed]) for seed in one.keys() & other.keys()]
     wins, losses = results.count(1), results.count(-1)
-    if wins <= losses:
-        return False
-    return bool(binomtest(wins, wins + losses).pvalue <= SIGNIFICANCE)
+    return wins > losses and sign_test(wins, losses) <= SIGNIFICANCE
 
 
 def _result(one: Outcome, other: Outcome) -> int:
     """1 for a win of the first, -1 for a loss, 0 for a tie."""
     if one.followed != other.followed:
         return 1 if one.followed else -1
-    if not one.followed or one.error == other.error or math.isnan(one.error - other.error):
+    if not one.followed or one.error == other.error:
         return 0
     return 1 if one.error < other.error else -1

@@ -1,10 +1,11 @@
-"""The leaderboard's files: Markdown, one page of HTML, Parquet."""
+"""The leaderboard in Markdown and Parquet, and its rules."""
 
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_parquet, write_text
-from ttwmr_mj.studies.bench.evidence import CONFIDENCE, SIGNIFICANCE, share_interval
+from ttwmr_mj.results.statistics import LEVEL, share
+from ttwmr_mj.studies.bench.evidence import SIGNIFICANCE
 from ttwmr_mj.studies.bench.lines import COLUMNS, RANKED_BY, Line
 from ttwmr_mj.studies.bench.overview import (
     CAPTION,
@@ -26,7 +27,7 @@ RULES = (
     "They cover the second half of a run; where the condition says “whole run”, all of it.",
     "A run has failed if its verdict (docs/verdict.md) is not “followed”. A run that broke off has "
     "no error and counts as worse than any; one that came to its end counts with the error it had.",
-    f"Of several seeds: the median with its {CONFIDENCE:.0%} interval between two order statistics "
+    f"Of several seeds: the median with its {LEVEL:.0%} interval between two order statistics "
     "(of ten runs the second and the ninth), and the share that followed with its exact binomial "
     "interval. A single run has neither.",
     "Best is only what is significantly better than every other law of the row, by an exact "
@@ -43,12 +44,11 @@ RULES = (
 
 
 def write_leaderboard(board: Board, folder: Path, title: str) -> None:
-    """leaderboard.md, .html and .parquet, and summary.md, its head alone."""
+    """leaderboard.md and .parquet, and summary.md, the first's head alone."""
     import pyarrow as pa
 
     write_text(folder / "leaderboard.md", to_markdown(board, title))
     write_text(folder / "summary.md", to_summary(board, title))
-    write_text(folder / "leaderboard.html", to_html(board, title))
     rows = [_row(line) for line in board.lines]
     columns = {name: [row[name] for row in rows] for name in rows[0]}
     write_parquet(pa.table(columns), folder / "leaderboard.parquet")
@@ -63,7 +63,7 @@ def _row(line: Line) -> dict[str, Any]:
             value = None if found is None else getattr(found, suffix)
             name = column if suffix == "median" else f"{column} {suffix}"
             row[name] = None if value == float("inf") else value
-    low, high = share_interval(line.followed, len(line.runs))
+    followed = share(line.followed, len(line.runs))
     return row | {
         "scored": line.scored,
         "meant": line.meant,
@@ -71,9 +71,9 @@ def _row(line: Line) -> dict[str, Any]:
         "runs": len(line.runs),
         "failures": len(line.failed),
         "lost": line.lost,
-        "followed": line.followed / len(line.runs),
-        "followed low": low,
-        "followed high": high,
+        "followed": followed.value,
+        "followed low": followed.low,
+        "followed high": followed.high,
         "verdict": line.verdict,
         "reason": "; ".join(sentences(line)),
         "command": line.command,
@@ -99,15 +99,15 @@ def _cells(line: Line) -> list[str]:
     worst = number(error.worst) if error and error.worst is not None else ""
     name = line.names["controller"] + ("" if line.meant else f" {NOT_MEANT}")
     first = f"**{amount(error)}**" if line.best else amount(error)
-    return [name, first, worst, *map(amount, found.values()), _share(line), line.verdict]
+    return [name, first, worst, *map(amount, found.values()), followed_share(line), line.verdict]
 
 
-def _share(line: Line) -> str:
+def followed_share(line: Line) -> str:
     """How many followed; the interval only where a run more might say something else."""
     runs = len(line.runs)
     if runs == 1:
         return f"{line.followed}/1"
-    low, high = (100.0 * end for end in share_interval(line.followed, runs))
+    _, low, high = (100.0 * number for number in share(line.followed, runs))
     return f"{line.followed}/{runs} ({low:.0f} to {high:.0f} %)"
 
 
@@ -142,26 +142,3 @@ def to_summary(board: Board, title: str) -> str:
             listed = "\n".join(f"- {text}" for text in told[task])
             parts.append(f"Not followed, by laws made for it, each with its first:\n\n{listed}\n")
     return "\n".join(parts)
-
-
-def to_html(board: Board, title: str) -> str:
-    """The same as one page without anything outside of it."""
-    import jinja2
-
-    source = (Path(__file__).parent / "leaderboard.html.j2").read_text(encoding="utf-8")
-    template = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    return template.from_string(source).render(
-        title=title,
-        status=status(board),
-        rules=RULES,
-        caption=CAPTION,
-        overview=overview(board.lines),
-        failures=failures(board.lines),
-        head=HEAD,
-        sections={
-            " · ".join(head): [(_cells(line), line, sentences(line)) for line in members]
-            for head, members in sections(board.lines).items()
-        },
-    )

@@ -85,6 +85,7 @@ class Line:
         meant: the law is made for the task.
         command: runs its first seed again.
         manifest: of its first seed, relative to the leaderboard; None if that never started.
+        recordings: of those runs that have one, relative to the leaderboard.
         best: significantly better than every other law in the same place.
     """
 
@@ -94,6 +95,7 @@ class Line:
     meant: bool
     command: str
     manifest: str | None
+    recordings: tuple[str, ...] = ()
     best: bool = False
 
     @property

@@ -67,6 +67,7 @@ def _maker(folder: Path) -> str:
 
 def _line(rows: list[SuiteRow], folder: Path) -> Line:
     first = rows[0]
+    recordings = (row_folder(row, folder) / "run.rrd" for row in rows)
     manifest = row_folder(first, folder) / "manifest.json"
     return Line(
         names=dict(first.names),
@@ -75,6 +76,7 @@ def _line(rows: list[SuiteRow], folder: Path) -> Line:
         meant=first.meant,
         command=first.command(),
         manifest=str(manifest.relative_to(folder)) if manifest.is_file() else None,
+        recordings=tuple(str(p.relative_to(folder)) for p in recordings if p.is_file()),
     )
 
 

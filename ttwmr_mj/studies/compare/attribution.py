@@ -17,11 +17,14 @@ some mass. Near the ideal the deviation is proportional to them (`convergence` m
 their A is extrapolated from the share that was removed to all of it, and R is δ(∅) less what this
 adds.
 
+Over time each adds to the deviation by its part along it: of P, C·δ/|δ| at every sample, which make
+|δ|; of an angle, C itself, which make δ.
+
 To get numbers, each is projected onto the total: c = ⟨C, δ⟩/‖δ‖², times the rms of δ. The column
 adds up to the total, exactly. A negative contribution reduces the total.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -69,10 +72,15 @@ class Attribution:
     Attributes:
         present: effects the scenario has; the others contribute nothing.
         tables: quantity ("position", "theta1", "theta2") → contributions, the total last.
+        curves: quantity → the same names → (n,) what each adds at every sample; all but the total
+            make the total.
+        time_s: (n,) of the samples.
     """
 
     present: tuple[str, ...]
     tables: dict[str, tuple[Contribution, ...]]
+    curves: dict[str, dict[str, FloatArray]] = field(default_factory=dict)
+    time_s: FloatArray = field(default_factory=lambda: np.zeros(0))
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
@@ -83,6 +91,16 @@ class Attribution:
         notes = {name: note for name in self.tables if (note := self.note(name))}
         solver = {name: self.solver_share(name) for name in self.tables}
         return {"present": list(self.present), **tables, "notes": notes, "solver_share": solver}
+
+    def to_table(self) -> Any:
+        """attribution.parquet, a `pyarrow.Table`: a column per quantity and contribution."""
+        import pyarrow as pa
+
+        columns = {"time_s": self.time_s}
+        for quantity, curves in self.curves.items():
+            unit = QUANTITIES[quantity][1]
+            columns |= {f"{quantity}_{name}_{unit}": values for name, values in curves.items()}
+        return pa.table(columns)
 
     def solver_share(self, quantity: str) -> float | None:
         """What the solver's own effects contribute, per total; None if the total is zero."""
@@ -141,11 +159,12 @@ def attribute(
         alone, removed = ideal_with - ideal, full - full_without
         contributions[effect.name] = (alone / effect.reach(scenario), 0.5 * (removed - alone))
         higher -= 0.5 * (removed + alone)
-    tables = {
-        quantity: table(contributions, higher, delta[names], columns)
-        for quantity, (columns, _) in QUANTITIES.items()
-    }
-    return Attribution(tuple(e.name for e in present), tables)
+    tables, curves = {}, {}
+    for quantity, (columns, _) in QUANTITIES.items():
+        tables[quantity] = table(contributions, higher, delta[names], columns)
+        curves[quantity] = over_time(contributions, higher, delta[names], columns)
+    time_s = scenario.control.sampling_time_s * np.arange(len(higher), dtype=np.float64)
+    return Attribution(tuple(e.name for e in present), tables, curves, time_s)
 
 
 def table(
@@ -175,10 +194,35 @@ def table(
     def project(part: FloatArray) -> float:
         return float((part[:, columns] * whole).sum() / power) * size if size else 0.0
 
-    rows = [row(name, a + i, a) for name, (a, i) in contributions.items()]
-    explained = sum((a + i for a, i in contributions.values()), higher)
-    rest = {"higher_interactions": higher, "rest": total - explained, "total": total}
-    return (*rows, *(row(name, part) for name, part in rest.items()))
+    parts = _parts(contributions, higher, total)
+    return tuple(
+        row(name, part, *([contributions[name][0]] if name in contributions else []))
+        for name, part in parts.items()
+    )
+
+
+def over_time(
+    contributions: dict[str, tuple[FloatArray, FloatArray]],
+    higher: FloatArray,
+    total: FloatArray,
+    columns: list[int],
+) -> dict[str, FloatArray]:
+    """What each adds to one quantity at every sample (n,); arguments as `table`."""
+    whole = total[:, columns]
+    size = np.hypot.reduce(whole, axis=1)[:, None]
+    # an angle deviates to one side or the other; a point has no side, only a distance
+    along = whole / np.where(size > 0.0, size, 1.0) if len(columns) > 1 else np.ones_like(whole)
+    parts = _parts(contributions, higher, total)
+    return {name: (part[:, columns] * along).sum(axis=1) for name, part in parts.items()}
+
+
+def _parts(
+    contributions: dict[str, tuple[FloatArray, FloatArray]], higher: FloatArray, total: FloatArray
+) -> dict[str, FloatArray]:
+    """All rows of a table over time (n, 4), the total last."""
+    effects = {name: alone + interaction for name, (alone, interaction) in contributions.items()}
+    rest = total - sum(effects.values(), higher)
+    return {**effects, "higher_interactions": higher, "rest": rest, "total": total}
 
 
 def _size(part: FloatArray) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 
 from ttwmr_mj.figures.canvas import Draw, legend_below, stacked, write_figures
 from ttwmr_mj.figures.style import (
+    GREEN,
     GREY,
     HITCH,
     INK,
@@ -18,8 +19,10 @@ from ttwmr_mj.figures.style import (
     PATHS_SIZE_IN,
     REFERENCE,
     RIGHT,
+    SKY,
     TRACTOR,
     TRAILER,
+    VERMILION,
 )
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
@@ -38,6 +41,17 @@ SIZE_IN = (5.6, 3.4)
 TALL_SIZE_IN = (5.6, 4.6)
 WORTHWHILE = 5.0  # a fit should make deviations smaller by at least this factor (README's table)
 NOTHING = 5e-4  # share of the total that is shown as 0.0 %
+STACK_COLOURS = {
+    "servo": TRACTOR,
+    "contact_compliance": VERMILION,
+    "wheel_width": GREEN,
+    "caster_inertia": HITCH,
+    "rolling_resistance": SKY,
+    "hitch_friction": TRAILER,
+    "timestep": "#7A2E00",
+    "higher_interactions": "#AAAAAA",
+    "rest": GREY,
+}
 BAR_COLOURS = {"total": INK, "rest": GREY, "higher_interactions": GREY}
 
 
@@ -62,6 +76,7 @@ def write_compare_figures(
     }
     if attribution is not None:
         drawings["attribution"] = partial(_draw_attribution, attribution=attribution)
+        drawings["contributions"] = partial(_draw_contributions, attribution=attribution)
     if convergence is not None:
         drawings["convergence"] = partial(_draw_convergence, convergence=convergence)
     if fit is not None:
@@ -85,11 +100,15 @@ def _draw_paths(figure: Figure, pair: Pair) -> None:
 
 def _draw_deviation(figure: Figure, pair: Pair) -> None:
     deviation = pair.deviation
-    panels = {
+    panels: dict[str, tuple[dict[str, FloatArray], tuple[str, ...]]] = {
         "P, contact −\nanalytic [mm]": (deviation.position_curves, (TRACTOR, HITCH, TRAILER)),
         "angles [mrad]": (deviation.angle_curves, (TRACTOR, TRAILER, HITCH)),
     }
-    _over_time(figure, deviation.time_s, panels, (1.5, 1.5, 1.5))
+    if (more := len(deviation.angle_curves) - 3) > 0:  # of a train: all angles, no hitch
+        angles = {name: curve for name, curve in deviation.angle_curves.items() if name != "hitch"}
+        colours = (TRACTOR, TRAILER, GREEN, VERMILION, SKY, GREY)[: 2 + more]
+        panels["angles [mrad]"] = (angles, colours)
+    _over_time(figure, deviation.time_s, panels, (1.5,) * 6)
 
 
 def _draw_slip(figure: Figure, pair: Pair) -> None:
@@ -112,7 +131,7 @@ def _over_time(
     figure.set_size_inches(TALL_SIZE_IN)
     rows = figure.subplots(len(panels), sharex=True)
     for axes, (label, (curves, colours)) in zip(rows, panels.items(), strict=True):
-        for (name, values), colour, width in zip(curves.items(), colours, widths, strict=True):
+        for (name, values), colour, width in zip(curves.items(), colours, widths, strict=False):
             axes.plot(time_s, 1e3 * values, color=colour, linewidth=width, label=name)
         axes.set_ylabel(label)
         axes.margins(x=0.01)
@@ -155,24 +174,49 @@ def _is_nothing(row: Contribution) -> bool:
     return row.share is not None and abs(row.share) < NOTHING
 
 
+def _draw_contributions(figure: Figure, attribution: Attribution) -> None:
+    """What each effect adds at every instant, stacked: above zero, or below if it takes away."""
+    figure.set_size_inches(7.2, 4.6)
+    rows = figure.subplots(len(SYMBOLS), sharex=True, squeeze=False)[:, 0]
+    time_s = attribution.time_s
+    for axes, (quantity, symbol) in zip(rows, SYMBOLS.items(), strict=True):
+        curves = {name: 1e3 * values for name, values in attribution.curves[quantity].items()}
+        total = curves.pop("total")
+        above, below = np.zeros_like(total), np.zeros_like(total)
+        for name, values in curves.items():
+            colour = STACK_COLOURS[name]
+            for base, part in ((above, values.clip(0.0)), (below, values.clip(max=0.0))):
+                axes.fill_between(time_s, base, base + part, color=colour, linewidth=0)
+                base += part
+            axes.fill_between([], [], color=colour, label=NAMES[name])
+        axes.plot(time_s, total, color=INK, linewidth=1.2, label="what was measured")
+        axes.axhline(0.0, color=INK, linewidth=0.6)
+        axes.set_ylabel(f"deviation of {symbol}\n[m{QUANTITIES[quantity][1]}]")
+        axes.margins(x=0.01)
+    rows[-1].set_xlabel("time [s]")
+    figure.align_ylabels()
+    legend_below(figure, columns=3, axes=rows[0])
+
+
 def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
-    axes = figure.subplots()
+    figure.set_size_inches(7.2, 3.2)
     steps = 1e3 * convergence.timestep_s
-    for name, label, colour in (
-        ("position_deviation_max_m", "P [mm]", TRACTOR),
-        ("theta1_deviation_max_rad", "θ1 [mrad]", HITCH),
-        ("theta2_deviation_max_rad", "θ2 [mrad]", TRAILER),
-    ):
-        order = convergence.orders[name]
-        label = label if order is None else f"{label}: order {order:.2f}"
-        axes.loglog(steps, 1e3 * convergence.deviations[name], "o-", color=colour, label=label)
-    axes.set_xticks(steps, [f"{step:g}" for step in steps])
-    axes.minorticks_off()
-    axes.set(
-        xlabel="physics step [ms]; contacts, balls and servo are refined with it",
-        ylabel="largest deviation",
-    )
-    legend_below(figure)
+    kinds = {
+        "P [mm]": (("position_deviation_max_m", "P", TRACTOR),),
+        "angles [mrad]": (
+            ("theta1_deviation_max_rad", "θ1", HITCH),
+            ("theta2_deviation_max_rad", "θ2", TRAILER),
+        ),
+    }
+    for axes, (kind, lines) in zip(figure.subplots(1, 2), kinds.items(), strict=True):
+        for name, label, colour in lines:
+            order = convergence.orders[name]
+            label = label if order is None else f"{label}: order {order:.2f}"
+            axes.loglog(steps, 1e3 * convergence.deviations[name], "o-", color=colour, label=label)
+        axes.set_xticks(steps, [f"{step:g}" for step in steps])
+        axes.minorticks_off()
+        axes.set(xlabel="physics step [ms]", ylabel=f"largest deviation of {kind}")
+        axes.legend()
 
 
 def _draw_fit(figure: Figure, fit: Fit) -> None:

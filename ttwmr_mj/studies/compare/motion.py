@@ -16,7 +16,8 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.build import initial_state, make_plant, sample_reference
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.laws import TORQUE_SIGNALS
-from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.loop import Outcome, Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate
@@ -41,14 +42,30 @@ class ContactRun:
     @property
     def commands(self) -> FloatArray:
         """(n − 1, 2) what drove the wheels in every period: speeds [rad/s], or torques [N·m]."""
-        rows = self.trajectory
-        if self.scenario.control.torque_input:
-            return np.concatenate([rows.signals[name] for name in TORQUE_SIGNALS], axis=1)[:-1]
-        return rows.wheel_command_rad_s[:-1, 0]
+        return commands_of(self.scenario, self.trajectory)[:-1]
 
 
-def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:
+def commands_of(scenario: Scenario, rows: Trajectory) -> FloatArray:
+    """(n, 2) what the rows' samples commanded: wheel speeds [rad/s], or torques [N·m]."""
+    if scenario.control.torque_input:
+        return np.concatenate([rows.signals[name] for name in TORQUE_SIGNALS], axis=1)
+    return rows.wheel_command_rad_s[:, 0]
+
+
+def run_contact(
+    scenario: Scenario,
+    folder: Path | None = None,
+    *,
+    watch: Report | None = None,
+    pace: Pace | None = None,
+) -> ContactRun:
     """The scenario on contact physics under its own controller.
+
+    Args:
+        scenario: what to run.
+        folder: where a custom controller is looked for first.
+        watch: called with the rows that are new, now and then.
+        pace: how fast; None: as fast as it can.
 
     Raises:
         InputError: the scenario cannot be built.
@@ -59,7 +76,7 @@ def run_contact(scenario: Scenario, folder: Path | None = None) -> ContactRun:
     plant = experiment.plant
     assert isinstance(plant, ContactPlant)
     plant.keep_physics_rate()
-    result = experiment.run()
+    result = experiment.run(watch, pace=pace)
     _check(result.outcomes[0], "contact physics")
     rows, start = result.trajectory, initial_state(scenario, experiment.reference)
     physics = PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
@@ -75,8 +92,12 @@ def run_analytic(scenario: Scenario, folder: Path | None = None) -> Trajectory:
 
 def replay_analytic(scenario: Scenario, commands: FloatArray) -> Trajectory:
     """Commands (n, 2) [rad/s] (right, left), one per control period, on the plain model."""
-    plain = changed(on_plant(scenario, "analytic"), {"plant.analytic.extended": None})
-    return replay(scenario, commands, make_plant(plain))
+    return replay(scenario, commands, plain_plant(scenario))
+
+
+def plain_plant(scenario: Scenario) -> Plant:
+    """The analytic model without extensions."""
+    return make_plant(changed(on_plant(scenario, "analytic"), {"plant.analytic.extended": None}))
 
 
 def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:
@@ -96,19 +117,33 @@ def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:
 
 def replay(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory:
     """Drive a plant from the scenario's start through commands (n, 2), one per control period."""
-    period = scenario.control.sampling_time_s
-    plant.reset(initial_state(scenario, sample_reference(scenario), plant.nsim))
-    rows = Trajectory.empty(period * np.arange(len(commands) + 1, dtype=np.float64), plant.nsim)
-    steps = round(period / plant.time_step_s)
-    for k in range(len(commands) + 1):
-        state = plant.state()
-        rows.q[k], rows.q_rate[k] = state.q, state.q_rate
-        rows.wheel_speed_rad_s[k] = plant.wheel_speed_rad_s()
-        if k < len(commands):
-            command = np.tile(commands[k], (plant.nsim, 1))
-            rows.wheel_command_rad_s[k] = command
-            plant.advance(command, steps)
-    return rows
+    time_s = scenario.control.sampling_time_s * np.arange(len(commands) + 1, dtype=np.float64)
+    return Replay(scenario, plant).follow(time_s, np.vstack([commands, [np.nan, np.nan]]))
+
+
+class Replay:
+    """A plant driven from the scenario's start through commands that arrive in chunks."""
+
+    def __init__(self, scenario: Scenario, plant: Plant) -> None:
+        self._plant = plant
+        self._steps = round(scenario.control.sampling_time_s / plant.time_step_s)
+        self._command: FloatArray | None = None  # of the last sample so far
+        self._trailers = len(scenario.robot.trailers)
+        plant.reset(initial_state(scenario, sample_reference(scenario), plant.nsim))
+
+    def follow(self, time_s: FloatArray, commands: FloatArray) -> Trajectory:
+        """The next rows, at times (n,), and what was commanded at each (n, 2)."""
+        plant = self._plant
+        rows = Trajectory.empty(time_s, plant.nsim, trailers=self._trailers)
+        for k, command in enumerate(commands):
+            if self._command is not None:
+                plant.advance(self._command, self._steps)
+            state = plant.state()
+            rows.q[k], rows.q_rate[k] = state.q, state.q_rate
+            rows.wheel_speed_rad_s[k] = plant.wheel_speed_rad_s()
+            self._command = np.tile(command, (plant.nsim, 1))
+            rows.wheel_command_rad_s[k] = self._command
+        return rows
 
 
 def follow_wheels(run: ContactRun) -> Trajectory:
@@ -117,6 +152,7 @@ def follow_wheels(run: ContactRun) -> Trajectory:
     Every period is a stretch for `shooting`.
     """
     was, robot, scenario = run.trajectory, run.robot, run.scenario
+    width = was.q.shape[-1]
     stretches, speeds = run.physics.stretches(scenario.steps_per_period)
     twist = twist_from_wheels(speeds, robot)
     timing = scenario.control.sampling_time_s, scenario.plant.analytic.max_step_s
@@ -124,16 +160,16 @@ def follow_wheels(run: ContactRun) -> Trajectory:
     def ends(states: FloatArray, which: slice) -> FloatArray:
         tiled = [np.concatenate([part[:, which]] * len(states), axis=1) for part in stretches]
         twists = np.tile(twist[:-1][which], (len(states), 1))
-        q, swing_rate = states[..., :-1].reshape(-1, 4), states[..., -1].ravel()
+        q, swing_rate = (part.reshape(-1, part.shape[-1]) for part in np.split(states, [width], -1))
         plant = AnalyticPlant(robot, len(q), *timing, ground=scenario.ground)
         plant.reset(RobotState(q, q_rate(q, np.column_stack([twists, swing_rate]))))
         plant.follow(Stretches(*tiled), np.tile(speeds[1:][which], (len(states), 1)))
         now = plant.state()
-        return np.column_stack([now.q, now.q_rate[:, THETA2]]).reshape(states.shape)
+        return np.column_stack([now.q, now.q_rate[:, THETA2:]]).reshape(states.shape)
 
-    states, _ = shoot(ends, np.column_stack([was.q[:, 0], was.q_rate[:, 0, THETA2]]))
-    q, rates = states[:, :-1], np.column_stack([twist, states[:, -1]])
-    rows = Trajectory.empty(was.time_s, nsim=1)
+    states, _ = shoot(ends, np.column_stack([was.q[:, 0], was.q_rate[:, 0, THETA2:]]))
+    q, rates = states[:, :width], np.column_stack([twist, states[:, width:]])
+    rows = Trajectory.empty(was.time_s, nsim=1, trailers=width - THETA2)
     rows.q[:, 0], rows.q_rate[:, 0] = q, q_rate(q, rates)
     rows.wheel_speed_rad_s[:, 0] = run.physics.wheel_speed_rad_s[:: scenario.steps_per_period]
     rows.wheel_command_rad_s[:] = was.wheel_command_rad_s

@@ -1,5 +1,6 @@
 """The two runs of a comparison, and scenarios that do not mean the same on both plants."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal
@@ -7,10 +8,12 @@ from typing import Literal
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
-from ttwmr_mj.plants.mjcf import CONTACTS
+from ttwmr_mj.plants.names import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.loop import Report
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import physics_step_faults, unknown_to_the_models
 from ttwmr_mj.scenario.schema import Scenario
@@ -20,6 +23,7 @@ from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.variants import on_plant
 
 Mode = Literal["open_loop", "closed_loop"]
+Watch = Callable[[Trajectory, Trajectory], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,8 @@ def run_pair(
     *,
     real_wheels: bool = False,
     scenario_folder: Path | None = None,
+    watch: Watch | None = None,
+    pace: Pace | None = None,
 ) -> Pair:
     """A scenario on contact physics and on the analytic model, in memory.
 
@@ -66,21 +72,48 @@ def run_pair(
             each under its own controller.
         real_wheels: in open loop, drive the analytic model with the actual wheel speeds.
         scenario_folder: where a custom controller is looked for first; None: here.
+        watch: called with the new rows of both plants, now and then; not with `real_wheels`,
+            whose analytic motion is found for the whole run at once.
+        pace: how fast the contact run goes; None: as fast as it can.
 
     Raises:
         InputError: the scenario does not mean the same on both plants.
         RunError: a run failed.
     """
     refuse_unlike(scenario)
-    contact = motion.run_contact(scenario, scenario_folder)
-    if mode == "closed_loop":
-        analytic = motion.run_analytic(scenario, scenario_folder)
+    closed = motion.run_analytic(scenario, scenario_folder) if mode == "closed_loop" else None
+    report = watch and _both(scenario, closed, watch)
+    contact = motion.run_contact(scenario, scenario_folder, watch=report, pace=pace)
+    if closed is not None:
+        analytic = closed
     elif real_wheels:
         analytic = motion.follow_wheels(contact)
     else:
         analytic = motion.replay_analytic(scenario, contact.commands)
     deviation = Deviation.between(contact.trajectory, analytic)
     return Pair(contact, analytic, deviation, Residuals.of(contact))
+
+
+def _both(scenario: Scenario, analytic: Trajectory | None, watch: Watch) -> Report:
+    """What to do with new rows of the contact run: have them watched with the analytic ones.
+
+    Args:
+        scenario: what is run.
+        analytic: that run, where it is known before; None: it replays the commands.
+        watch: called with both.
+    """
+    replay = motion.Replay(scenario, motion.plain_plant(scenario))
+
+    def report(rows: Trajectory) -> None:
+        if not len(rows):
+            return
+        if analytic is None:
+            watch(rows, replay.follow(rows.time_s, motion.commands_of(scenario, rows)))
+            return
+        first = int(np.searchsorted(analytic.time_s, rows.time_s[0]))
+        watch(rows, analytic.rows(first, first + len(rows)))
+
+    return report
 
 
 def known_numbers() -> list[str]:

@@ -1,6 +1,7 @@
 """Both robots of a comparison in one scene, and how far they are apart below it."""
 
 import copy
+from collections.abc import Iterator
 from pathlib import Path
 
 import mujoco
@@ -10,14 +11,21 @@ import rerun.blueprint as rrb
 from rerun.blueprint import Corner2D
 
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.recording import layout, style
-from ttwmr_mj.recording.floor import floor_corners
+from ttwmr_mj.recording import key, layout, style
+from ttwmr_mj.recording.floor import floor_corners, lift
+from ttwmr_mj.recording.key import Entry, draw_key
+from ttwmr_mj.recording.layout import Range
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import Scene, driven_paths
-from ttwmr_mj.recording.series import Series, SeriesLog, time_column
+from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene, driven_paths
+from ttwmr_mj.recording.series import Series, SeriesLog, time_column, widened
+from ttwmr_mj.recording.target import TEXT_HEIGHT_M, distance
 from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.pair import Pair
 
 GHOST = "world/analytic"  # the analytic model's robot
@@ -25,65 +33,108 @@ GHOST_RGBA = (0.35, 0.78, 0.51, 0.25)
 GHOST_MARGIN_M = 0.0015  # the ghost is a shell around the robot, else the two flicker through
 MISS = "world/deviation"
 MISS_LONGEST_M = 0.15  # the largest deviation of the run is drawn this long
-MISS_HEIGHT_M = 0.08  # above the robot's deck
+MISS_HEIGHT_M = 0.11  # above the robot's deck
 
-# plot → title, curves
-PLOTS: dict[str, tuple[str, Series]] = {
-    "position": (
-        "P, contact − analytic [mm]",
-        Series(("distance", "ahead", "aside"), (style.TRACTOR, style.REFERENCE, style.ESTIMATE)),
-    ),
-    "angles": (
-        "angles, contact − analytic [mrad]",
-        Series(("θ1", "θ2", "hitch"), (style.TRACTOR, style.TRAILER, style.REFERENCE)),
-    ),
-    "slip": (
-        "slip of the wheels [mm/s]",
-        Series(
-            ("right, aside", "left, aside", "right, along", "left, along"),
-            (style.RIGHT, style.LEFT, style.COMMAND_RIGHT, style.COMMAND_LEFT),
+# tab → plot → title, curves
+TABS: dict[str, dict[str, tuple[str, Series]]] = {
+    "Deviation": {
+        "position": (
+            "P, contact − analytic [mm]",
+            Series(
+                ("distance", "ahead", "to the left"), (style.ALERT, style.TRACTOR, style.ESTIMATE)
+            ),
         ),
-    ),
-    "residuals": (
-        "energy lost [mJ], trailer's torque missing [10 µN·m]",
-        Series(("energy", "torque (Eq. 17)"), (style.REFERENCE, style.TRAILER)),
-    ),
+        "angles": (
+            "angles, contact − analytic [mrad]",
+            Series(("θ1", "θ2", "hitch"), (style.TRACTOR, style.TRAILER, style.REFERENCE)),
+        ),
+    },
+    "Slip": {
+        "slip_aside": (
+            "slip of the wheels to the side [mm/s]",
+            Series(("right", "left"), (style.RIGHT, style.LEFT)),
+        ),
+        "slip_along": (
+            "slip of the wheels along [mm/s]",
+            Series(("right", "left"), (style.RIGHT, style.LEFT)),
+        ),
+    },
+    "Residuals": {
+        "energy": ("energy lost to the floor [mJ]", Series(("energy",), (style.REFERENCE,))),
+        "torque": (
+            "torque missing in the trailer's equation (Eq. 17) [µN·m]",
+            Series(("torque",), (style.TRAILER,)),
+        ),
+    },
 }
 
 
-def record_comparison(pair: Pair, path: Path, summary_markdown: str) -> None:
+def record_comparison(
+    pair: Pair, path: Path, result_markdown: str, details_markdown: str = ""
+) -> None:
     """Write the recording.
 
     Args:
         pair: the two runs; the analytic one is drawn translucent.
         path: the .rrd file, overwritten.
-        summary_markdown: for the text panel.
+        result_markdown: for the text panel.
+        details_markdown: the numbers, for a tab of their own.
 
     Raises:
         InputError: the file cannot be created.
     """
-    name = pair.contact.scenario.name
-    with _Recorder(path, f"{name}, compared", _blueprint(name)) as recorder:
-        recorder.write(pair, summary_markdown)
+    with ComparisonRecorder(path, pair.contact.scenario) as recorder:
+        recorder.append(pair.contact.trajectory, pair.analytic)
+        recorder.finish(pair, result_markdown, details_markdown)
 
 
-class _Recorder(RrdFile):
-    """Writes a comparison at once."""
+class ComparisonRecorder(RrdFile):
+    """Writes a comparison, both robots while they run; a context manager.
 
-    def write(self, pair: Pair, summary_markdown: str) -> None:
-        """Report, both robots, deviations."""
-        self._report(summary_markdown)
-        scenario, robot, rows = pair.contact.scenario, pair.contact.robot, pair.contact.trajectory
-        model = build_model(robot, scenario.plant.contact)
-        reference = sample_reference(scenario)
-        real = Scene(self._stream, model, robot, reference, floor_corners(reference))
-        real.append(rows, Curves.of(rows, robot))
-        ghost = Scene(self._stream, _ghost_of(model), robot, root=GHOST)
-        ghost.append(pair.analytic, Curves.of(pair.analytic, robot))
-        _log_miss(self._stream, pair, time_column(rows.time_s))
-        series = SeriesLog(self._stream)
-        for name, values in _values(pair).items():
-            series.append(f"plots/{name}/true", PLOTS[name][1], rows.time_s, values)
+    Args:
+        path: the .rrd file, overwritten.
+        scenario: what is compared.
+        live: shows it while it is written.
+
+    Raises:
+        InputError: the file cannot be created.
+    """
+
+    def __init__(self, path: Path, scenario: Scenario, live: LiveView | None = None) -> None:
+        self._name = scenario.name
+        super().__init__(path, f"{self._name}, compared", _blueprint(self._name), live)
+        self._robot = scenario.robot
+        model = build_model(self._robot, scenario.plant.contact)
+        floor_m = floor_corners(sample_reference(scenario))
+        # without the reference's places: here the two robots are each other's reference
+        self._real = Scene(self._stream, model, self._robot, None, floor_m)
+        self._ghost = Scene(self._stream, _ghost_of(model), self._robot, root=GHOST)
+        self._series = SeriesLog(self._stream)
+
+    def append(self, contact: Trajectory, analytic: Trajectory) -> None:
+        """Record the next rows of both plants, at the same times."""
+        self._check_open()
+        self._real.append(contact, Curves.of(contact, self._robot))
+        self._ghost.append(analytic, Curves.of(analytic, self._robot))
+        self._plot(contact.time_s, _deviations(Deviation.between(contact, analytic)))
+        self._stream.flush()
+
+    def finish(self, pair: Pair, result_markdown: str, details_markdown: str) -> None:
+        """Record what can be told only of whole runs, and the reports."""
+        self._check_open()
+        self._report(result_markdown)
+        self._report(details_markdown, layout.DETAILS)
+        time_s = pair.contact.trajectory.time_s
+        _log_miss(self._stream, pair, time_column(time_s))
+        self._plot(time_s, _residuals(pair))
+        draw_key(self._stream, _key(pair))
+        self._stream.send_blueprint(_blueprint(self._name, pair))
+
+    def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
+        for plots in TABS.values():
+            for name, (_, looks) in plots.items():
+                if name in values:
+                    self._series.append(f"plots/{name}/true", looks, time_s, values[name])
 
 
 def _ghost_of(model: mujoco.MjModel) -> mujoco.MjModel:
@@ -97,43 +148,88 @@ def _ghost_of(model: mujoco.MjModel) -> mujoco.MjModel:
 
 def _log_miss(stream: rr.RecordingStream, pair: Pair, now: rr.TimeColumn) -> None:
     """An arrow from the analytic P towards the contact robot's, enlarged for the eye."""
-    miss = pair.deviation.q[:, :2]
-    largest = float(pair.deviation.position_m.max())
-    factor = MISS_LONGEST_M / largest if largest > 0.0 else 1.0
-    height = np.full(len(miss), MISS_HEIGHT_M)
-    stream.log(MISS, rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[0.003]), static=True)
-    columns = rr.Arrows3D.columns(
-        origins=np.column_stack([pair.analytic.q[:, 0, :2], height]),
-        vectors=np.column_stack([factor * miss, np.zeros(len(miss))]),
-        labels=[f"deviation × {factor:.0f}"] * len(miss),
+    start = pair.analytic.q[:, 0, :2]
+    miss = _factor(pair) * pair.deviation.q[:, :2]
+    arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[0.003])
+    text = rr.Points3D.from_fields(
+        colors=[style.WORDS], radii=rr.Radius.ui_points([0.0]), show_labels=True
     )
-    stream.send_columns(MISS, [now], columns)
+    stream.log(MISS, arrow, static=True)
+    stream.log(f"{MISS}/text", text, static=True)
+    arrows = rr.Arrows3D.columns(origins=lift(start, MISS_HEIGHT_M), vectors=lift(miss, 0.0))
+    stream.send_columns(MISS, [now], arrows)
+    words = [f"P {distance(apart)} apart" for apart in pair.deviation.position_m]
+    texts = rr.Points3D.columns(positions=lift(start, TEXT_HEIGHT_M), labels=words)
+    stream.send_columns(f"{MISS}/text", [now], texts)
 
 
-def _values(pair: Pair) -> dict[str, FloatArray]:
+def _factor(pair: Pair) -> float:
+    """By which deviations are enlarged in the scene."""
+    largest = float(pair.deviation.position_m.max())
+    return MISS_LONGEST_M / largest if largest > 0.0 else 1.0
+
+
+def _key(pair: Pair) -> list[Entry]:
+    return [
+        key.TRACTOR,
+        key.TRAILER,
+        ("analytic robot", style.ESTIMATE, 3.5),
+        (f"deviation of P × {float(f'{_factor(pair):.2g}'):,.10g}", style.ALERT, 1.6),
+        (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6),
+    ]
+
+
+def _deviations(deviation: Deviation) -> dict[str, FloatArray]:
     """Plot → values (n, curves)."""
-    deviation, residuals = pair.deviation, pair.residuals
-    slip = residuals.slip_aside_m_s[:, :2], residuals.slip_along_m_s[:, :2]
-    lost = 1e3 * residuals.energy_lost_j, 1e5 * residuals.trailer_torque_n_m
     return {
         "position": 1e3 * np.column_stack(list(deviation.position_curves.values())),
         "angles": 1e3 * np.column_stack(list(deviation.angle_curves.values())),
-        "slip": 1e3 * np.hstack(slip),
-        "residuals": np.column_stack(lost),
     }
 
 
-def _blueprint(name: str) -> rrb.Blueprint:
-    """The scene and the report on top, the deviations below."""
+def _residuals(pair: Pair) -> dict[str, FloatArray]:
+    """Plot → values (n, curves)."""
+    residuals = pair.residuals
+    return {
+        "slip_aside": 1e3 * residuals.slip_aside_m_s[:, :2],
+        "slip_along": 1e3 * residuals.slip_along_m_s[:, :2],
+        "energy": 1e3 * residuals.energy_lost_j[:, None],
+        "torque": 1e6 * residuals.trailer_torque_n_m[:, None],
+    }
+
+
+def _blueprint(name: str, pair: Pair | None = None) -> rrb.Blueprint:
+    """The robots and the report on the left, what deviates on the right.
+
+    Args:
+        name: of the scenario.
+        pair: the two runs, once they are over: plots reach as far as their values.
+    """
     scene = layout.scene_view(
         "Both robots; the analytic one is translucent",
         layout.following_eye(),
         (*driven_paths(), *driven_paths(GHOST)),
     )
-    above = rrb.Horizontal(scene, layout.report_view(name), column_shares=[3, 2])
-    plots = (
-        layout.plot_view(f"plots/{plot}", title, Corner2D.RightBottom)
-        for plot, (title, _) in PLOTS.items()
-    )
-    below = rrb.Grid(*plots, grid_columns=2)
-    return layout.page(rrb.Vertical(above, below, row_shares=[3, 2]))
+    robots = rrb.Vertical(scene, layout.key_view(), layout.report_view(name), row_shares=[12, 1, 7])
+    values: dict[str, FloatArray] = {}
+    times_s = None
+    if pair is not None:
+        values = _deviations(pair.deviation) | _residuals(pair)
+        time_s = pair.contact.trajectory.time_s
+        times_s = float(time_s[0]), float(time_s[-1])
+    tabs: list[rrb.Container | rrb.View] = [
+        rrb.Grid(*_plots(plots, values, times_s), grid_columns=1, name=tab)
+        for tab, plots in TABS.items()
+    ]
+    tabs.append(layout.report_view("Numbers", layout.DETAILS))
+    return layout.page(rrb.Horizontal(robots, rrb.Tabs(*tabs, active_tab=0), column_shares=[3, 2]))
+
+
+def _plots(
+    plots: dict[str, tuple[str, Series]], values: dict[str, FloatArray], times_s: Range | None
+) -> Iterator[rrb.TimeSeriesView]:
+    for plot, (title, looks) in plots.items():
+        legend = Corner2D.RightTop if len(looks.names) > 1 else None
+        known = plot in values and np.isfinite(values[plot]).any()
+        reach = widened(None, values[plot]) if known else None
+        yield layout.plot_view(f"plots/{plot}", title, legend, values=reach, times_s=times_s)

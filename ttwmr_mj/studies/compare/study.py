@@ -1,14 +1,18 @@
 """One comparison from scenario to folder: what `ttwmr compare` does."""
 
+from __future__ import annotations
+
 from collections.abc import Iterator
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.attribution import Attribution, attribute
@@ -17,7 +21,13 @@ from ttwmr_mj.studies.compare.fit.fit import Fit, fit
 from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
+from ttwmr_mj.studies.compare.report import write_report
+from ttwmr_mj.studies.compare.text import markdown, short_markdown
 from ttwmr_mj.studies.compare.variants import Progress
+
+if TYPE_CHECKING:
+    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.studies.compare.recording import ComparisonRecorder
 
 SCHEMA_VERSION = 1
 UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
@@ -76,6 +86,8 @@ def compare_scenario(
     scenario_folder: Path | None = None,
     command_line: list[str] | None = None,
     progress: Progress | None = None,
+    live: LiveView | None = None,
+    pace: Pace | None = None,
 ) -> Comparison:
     """Compare both plants on a scenario and write what was found.
 
@@ -86,6 +98,8 @@ def compare_scenario(
         scenario_folder: where a custom controller is looked for first.
         command_line: for the manifest.
         progress: called with the share of the work done.
+        live: shows both robots while they run.
+        pace: how fast the contact run goes; None: as fast as it can.
 
     Raises:
         InputError: the scenario or the tolerances are wrong.
@@ -98,13 +112,26 @@ def compare_scenario(
     tolerances = read_tolerances(file, known_numbers()) if file else {}
     write_resolved(folder, scenario)
     write_manifest(folder, scenario, command_line or [])
-    pair = run_pair(
-        scenario, options.mode, real_wheels=options.real_wheels, scenario_folder=scenario_folder
-    )
-    findings = _study(pair, unseen, options, progress)
-    exceeded = breaches(tolerances, pair.numbers)
-    report = _report(pair, findings, options, exceeded)
-    _write(folder, pair, findings, report, options)
+    with ExitStack() as stack:
+        recorder = None
+        if options.recording:
+            recorder = stack.enter_context(_recorder(folder, scenario, live))
+        pair = run_pair(
+            scenario,
+            options.mode,
+            real_wheels=options.real_wheels,
+            scenario_folder=scenario_folder,
+            watch=recorder.append if recorder and live else None,
+            pace=pace,
+        )
+        if recorder and not live:
+            recorder.append(pair.contact.trajectory, pair.analytic)
+        findings = _study(pair, unseen, options, progress)
+        exceeded = breaches(tolerances, pair.numbers)
+        report = _report(pair, findings, options, exceeded)
+        _write(folder, pair, findings, report, options)
+        if recorder:
+            recorder.finish(pair, short_markdown(report), markdown(report))
     return Comparison(folder, report, exceeded)
 
 
@@ -148,15 +175,19 @@ def _write(
     write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
     if findings.fit:
         write_text(folder / "fitted.toml", findings.fit.as_toml())
+    if findings.attribution:
+        write_parquet(findings.attribution.to_table(), folder / "attribution.parquet")
     if options.figures:
         from ttwmr_mj.studies.compare.figures import write_compare_figures
 
         write_compare_figures(pair, folder / "figures", report["scenario"], *findings)
-    if options.recording:
-        from ttwmr_mj.studies.compare.recording import record_comparison
-        from ttwmr_mj.studies.compare.text import markdown
+    write_report(report, folder)
 
-        record_comparison(pair, folder / "run.rrd", markdown(report))
+
+def _recorder(folder: Path, scenario: Scenario, live: LiveView | None) -> ComparisonRecorder:
+    from ttwmr_mj.studies.compare.recording import ComparisonRecorder
+
+    return ComparisonRecorder(folder / "run.rrd", scenario, live)
 
 
 def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
@@ -172,6 +203,8 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         problem = "the extended model is driven by wheel speeds, this scenario by torques"
         hint = "set control.inner_loop to 'velocity_servo'"
         raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
+    if (count := len(scenario.robot.trailers)) > 1 and options.fit:
+        raise InputError.at("--fit", "the extended model has one trailer", got=f"{count} trailers")
 
 
 def _driver(options: Options) -> str:

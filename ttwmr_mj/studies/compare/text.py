@@ -70,6 +70,17 @@ def markdown(report: dict[str, Any]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def short_markdown(report: dict[str, Any]) -> str:
+    """The largest deviations and the verdicts, for the panel below the robots."""
+    apart, turned = report["position_deviation_max_m"], report["theta2_deviation_max_rad"]
+    lines = [
+        f"# P at most {1e3 * apart:.3g} mm apart, θ2 at most {1e3 * turned:.3g} mrad",
+        f"The analytic model (translucent) is driven by: {report['analytic_driven_by']}.",
+        *_verdicts(report),
+    ]
+    return "\n\n".join(lines)
+
+
 def percent(share: float | None) -> str:
     """A share as text, never as "-0.0 %"; empty where it is undefined."""
     return "" if share is None else f"{round(100 * share, 1) + 0.0:.1f} %"

@@ -1,25 +1,34 @@
 """The recording of a tracked video: the annotated picture beside the poses."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
 import rerun.blueprint as rrb
 
 from ttwmr_mj.recording import layout, style
-from ttwmr_mj.recording.camera_view import CameraView
+from ttwmr_mj.recording.camera_view import ELLIPSE_SCALE, CameraView
+from ttwmr_mj.recording.key import Entry, draw_key
+from ttwmr_mj.recording.layout import Range
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.series import Series, SeriesLog
+from ttwmr_mj.recording.series import Series, SeriesLog, widened
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.log import CameraRecord
 
 PLOTS: dict[str, tuple[str, Series]] = {
-    "position": ("position of P [m]", Series(("x", "y"), (style.RIGHT, style.LEFT))),
+    "position": ("position of P [mm]", Series(("x", "y"), (style.RIGHT, style.LEFT))),
     "angles": ("angles [rad]", Series(("θ1", "θ2"), (style.TRACTOR, style.TRAILER))),
     "uncertainty": ("uncertainty of P [mm]", Series(("P, 3 σ",), (style.COVARIANCE,))),
 }
+KEY: tuple[Entry, ...] = (
+    ("label found", style.FOUND_LABEL, 3.5),
+    ("searched for", style.REFERENCE, 1.2),
+    ("estimated robot", style.ESTIMATE, 1.2),
+    (f"P, 3 σ × {ELLIPSE_SCALE:g}", style.COVARIANCE, 1.2),
+)
 
 
 class TrackRecorder(RrdFile):
@@ -30,15 +39,27 @@ class TrackRecorder(RrdFile):
         name: of the recording.
         camera: the calibrated camera.
         labels: on the robot.
+        live: shows it while it is written.
 
     Raises:
         InputError: the file cannot be created.
     """
 
-    def __init__(self, path: Path, name: str, camera: CameraModel, labels: LabelLayout) -> None:
-        super().__init__(path, name, _blueprint(name))
+    def __init__(
+        self,
+        path: Path,
+        name: str,
+        camera: CameraModel,
+        labels: LabelLayout,
+        live: LiveView | None = None,
+    ) -> None:
+        super().__init__(path, name, _blueprint(name), live)
         self._view = CameraView(self._stream, camera, labels)
         self._series = SeriesLog(self._stream)
+        self._name = name
+        self._ranges: dict[str, Range] = {}
+        self._times_s: Range | None = None
+        draw_key(self._stream, KEY)
 
     def append(self, records: Sequence[CameraRecord]) -> None:
         """Record the next frames; what is appended is on disk when this returns."""
@@ -50,7 +71,15 @@ class TrackRecorder(RrdFile):
             values = _values(known)
             for plot, (_, series) in PLOTS.items():
                 self._series.append(f"plots/{plot}", series, times_s, values[plot])
+                self._ranges[plot] = widened(self._ranges.get(plot), values[plot])
+            self._times_s = widened(self._times_s, times_s)
         self._stream.flush()
+
+    def close(self) -> None:
+        """Show every plot over the range that its values took, and complete the file."""
+        if self._open and self._times_s is not None:
+            self._stream.send_blueprint(_blueprint(self._name, self._ranges, self._times_s))
+        super().close()
 
 
 def _values(known: Sequence[CameraRecord]) -> dict[str, FloatArray]:
@@ -58,13 +87,23 @@ def _values(known: Sequence[CameraRecord]) -> dict[str, FloatArray]:
     q = np.stack([record.estimate.q for record in known])
     covariance = np.stack([record.estimate.covariance for record in known])
     spread_mm = 3e3 * np.sqrt(covariance[:, 0, 0] + covariance[:, 1, 1])
-    return {"position": q[:, :2], "angles": q[:, 2:], "uncertainty": spread_mm[:, None]}
+    return {"position": 1e3 * q[:, :2], "angles": q[:, 2:], "uncertainty": spread_mm[:, None]}
 
 
-def _blueprint(name: str) -> rrb.Blueprint:
+def _blueprint(
+    name: str, ranges: Mapping[str, Range] | None = None, times_s: Range | None = None
+) -> rrb.Blueprint:
     plots = (
-        layout.plot_view(f"plots/{plot}", title, rrb.Corner2D.RightBottom)
-        for plot, (title, _) in PLOTS.items()
+        layout.plot_view(
+            f"plots/{plot}",
+            title,
+            rrb.Corner2D.RightTop if len(series.names) > 1 else None,
+            values=(ranges or {}).get(plot),
+            times_s=times_s,
+        )
+        for plot, (title, series) in PLOTS.items()
     )
-    beside = rrb.Vertical(*plots, layout.states_view("tracker"))
-    return layout.page(rrb.Horizontal(layout.picture_view(name), beside, column_shares=[3, 2]))
+    states = layout.states_view("tracker", ("tracker",), times_s)
+    beside = rrb.Vertical(*plots, states, row_shares=[3, 3, 3, 2])
+    picture = rrb.Vertical(layout.picture_view(name), layout.key_view(), row_shares=[18, 1])
+    return layout.page(rrb.Horizontal(picture, beside, column_shares=[3, 2]))

@@ -11,8 +11,10 @@ from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import read_layout
@@ -22,6 +24,7 @@ from ttwmr_mj.vision.tracking.options import FREE_MOTION
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 BATCH = 30  # frames worked in between two writes: a second
+LIVE_BATCH = 3
 STD_NAMES = ("x_std_m", "y_std_m", "theta1_std_rad", "theta2_std_rad")
 
 
@@ -42,6 +45,8 @@ def track(
     *,
     max_frames: int | None = None,
     progress: Callable[[float], None] | None = None,
+    live: LiveView | None = None,
+    pace: Pace | None = None,
 ) -> Track:
     """Track the robot through a video or a camera's stream.
 
@@ -55,6 +60,8 @@ def track(
         robot: the robot in the pictures.
         max_frames: stop after this many; None: at the end.
         progress: called with the number of frames done.
+        live: shows the recording while it is written.
+        pace: how fast a file is tracked; None: as fast as it can. A camera has its own pace.
 
     Raises:
         InputError: the video or the calibration cannot be used.
@@ -65,13 +72,15 @@ def track(
     layout = read_layout(build_model(robot, ContactOptions()))
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
+    pace = pace or Pace()
+    batch = BATCH if live is None else LIVE_BATCH
     with (
         open_footage(source, camera) as footage,
-        TrackRecorder(folder / "track.rrd", source, camera, layout) as recorder,
+        TrackRecorder(folder / "track.rrd", source, camera, layout, live) as recorder,
     ):
-        wanted = islice(footage, max_frames)
+        wanted = (frame for frame in islice(footage, max_frames) if pace.hold(frame.time_s))
         try:
-            while records := [_tracked(tracker, frame) for frame in islice(wanted, BATCH)]:
+            while records := [_tracked(tracker, frame) for frame in islice(wanted, batch)]:
                 recorder.append(records)
                 rows.extend(map(_row, records))
                 if progress is not None:

@@ -90,7 +90,7 @@ class BoardCamera:
         whole = self._lens.whole
         picture = self._renderer.robot_on(self._floor, self._qpos, whole)
         light = self._lens.expose(picture, whole, self._lens.sensor)
-        return self._noise.read(light, time_s)
+        return self._noise.read(light, time_s)[:]
 
     def close(self) -> None:
         """Give back what OpenGL holds."""

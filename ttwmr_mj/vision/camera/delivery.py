@@ -38,7 +38,7 @@ class DeliveryFaults:
         if not dropped and not dark:
             frame = take()
             if frozen and self._last is not None:
-                frame = replace(frame, image=self._last.image, truth=self._last.truth)
+                frame = replace(frame, pixels=self._last.pixels, truth=self._last.truth)
             self._last = frame
             self._waiting.append((period + (options.late_periods if late else 0), frame))
         ready = []

@@ -1,6 +1,7 @@
 """A camera frame, and what is true about it."""
 
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,10 +34,26 @@ class FrameTruth:
     segmentation: Image | None
 
 
+class Pixels(Protocol):
+    """A picture (rows, columns, 3), blue, green, red, of which parts can be looked at."""
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """As of an array."""
+
+    def __getitem__(self, part: Any, /) -> Image:
+        """The part that one or two slices select, whole in colour."""
+
+
 @dataclass(frozen=True, slots=True)
 class Frame:
     """One picture."""
 
-    image: Image  # (rows, columns, 3) blue, green, red
+    pixels: Pixels
     time_s: float  # middle of the exposure
     truth: FrameTruth | None  # None for a real camera's frame
+
+    @property
+    def image(self) -> Image:
+        """All pixels."""
+        return self.pixels[:]

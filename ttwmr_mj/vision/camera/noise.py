@@ -1,10 +1,14 @@
 """From light to numbers: drifting gains, shot and read noise, eight bits."""
 
+from dataclasses import dataclass
+from typing import Any
+
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.frame import Image, Pixels
 from ttwmr_mj.vision.camera.options import Noise
 
 FULL_SCALE = 255.0
@@ -35,11 +39,11 @@ class SensorNoise:
         self._drift = rng.standard_normal(4)  # of gain, blue, green, red; unit variance
         self._time_s: float | None = None
 
-    def read(self, light: Image, time_s: float) -> Image:
+    def read(self, light: Image, time_s: float) -> Pixels:
         """The picture of a sensor under this light.
 
         Args:
-            light: (rows, columns, 3) without noise; not changed.
+            light: (rows, columns, 3) without noise; not changed, and not to be changed later.
             time_s: when; gains drift with it, and times must not go back.
 
         Returns:
@@ -49,17 +53,10 @@ class SensorNoise:
         if not self._noisy:
             table = np.rint(LEVELS[:, None] * gains).clip(0, 255).astype(np.uint8)
             return np.asarray(cv2.LUT(light, table[None]))
-        picture = np.empty_like(light)
         top, left = self._rng.integers(TILE_MARGIN, size=2)
         rows, columns = self._shape
         window = self._tile[top : top + rows, left : left + columns]
-        gain_row = np.tile(gains.astype(np.float32), (columns, 1))
-        for start in range(0, rows, STRIP_ROWS):
-            strip = slice(start, start + STRIP_ROWS)
-            noise = np.asarray(cv2.LUT(light[strip], self._spread), dtype=np.float32)
-            noise *= window[strip]
-            cv2.add(light[strip] * gain_row, noise, dst=picture[strip], dtype=cv2.CV_8U)
-        return picture
+        return _Exposed(light, window, self._spread, gains.astype(np.float32))
 
     def _gains(self, time_s: float) -> FloatArray:
         """(3,) factors of blue, green, red: an Ornstein-Uhlenbeck walk about one."""
@@ -71,3 +68,40 @@ class SensorNoise:
         self._time_s = time_s
         walk = options.gain_drift * self._drift[0] + options.white_balance_drift * self._drift[1:]
         return np.asarray(np.exp(walk))
+
+
+@dataclass(frozen=True, slots=True)
+class _Exposed:
+    """A noisy picture, computed where it is looked at: a tracker needs a fiftieth of it.
+
+    Attributes:
+        light: (rows, columns, 3) without noise.
+        noise: (rows, columns, 3) normal numbers.
+        spread: (256,) standard deviation of the noise by grey level.
+        gains: (3,) of blue, green, red.
+    """
+
+    light: Image
+    noise: NDArray[np.float32]
+    spread: NDArray[np.float32]
+    gains: NDArray[np.float32]
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Rows, columns, 3."""
+        return self.light.shape
+
+    def __getitem__(self, part: Any) -> Image:
+        """The same numbers, whatever part is asked for."""
+        light, noise = self.light[part], self.noise[part]
+        picture = np.empty(light.shape, dtype=np.uint8)
+        if not picture.size:
+            return picture
+        gain_row = np.tile(self.gains, (light.shape[1], 1))
+        for start in range(0, len(light), STRIP_ROWS):
+            strip = slice(start, start + STRIP_ROWS)
+            lit = np.ascontiguousarray(light[strip])
+            noisy = np.asarray(cv2.LUT(lit, self.spread), dtype=np.float32)
+            noisy *= noise[strip]
+            cv2.add(lit * gain_row, noisy, dst=picture[strip], dtype=cv2.CV_8U)
+        return picture

@@ -120,7 +120,7 @@ class VirtualCamera:
         self._glare.add(light, moment)
         visible = self._visible(labels_m, centres_px, moment)
         truth = FrameTruth(q, centres_px, visible, classes)
-        return Frame(image=self._noise.read(light, moment), time_s=moment, truth=truth)
+        return Frame(pixels=self._noise.read(light, moment), time_s=moment, truth=truth)
 
     def close(self) -> None:
         """Give back what OpenGL holds."""

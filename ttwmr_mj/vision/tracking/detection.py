@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.state import BoolArray, FloatArray
-from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.frame import Image, Pixels
 from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
 from ttwmr_mj.vision.camera.region import Region
 
@@ -60,7 +60,7 @@ class Detector:
         self._reach = int(np.ceil(radius_px + SKIRT_PX))
 
     def track(
-        self, image: Image, predicted_px: FloatArray, search_px: float
+        self, image: Pixels, predicted_px: FloatArray, search_px: float
     ) -> tuple[FloatArray, BoolArray]:
         """Look for each label near where it should be.
 
@@ -75,7 +75,7 @@ class Detector:
         half = self._reach + int(np.ceil(search_px))
         return self._refine(image, np.arange(COUNT), predicted_px, half)
 
-    def search(self, image: Image) -> Candidates:
+    def search(self, image: Pixels) -> Candidates:
         """Look for all labels in the whole frame; several candidates of a colour are usual."""
         shrink = max(1, int(2.0 * self.radius_px / COARSE_LABEL_PX))
         rows, columns = image.shape[0] // shrink, image.shape[1] // shrink
@@ -93,12 +93,12 @@ class Detector:
         refined, sound = self._refine(image, label, centre, self._reach + shrink)
         return Candidates(label[sound], refined[sound])
 
-    def _balanced_hue(self, image: Image) -> FloatArray:
+    def _balanced_hue(self, image: Pixels) -> FloatArray:
         """(4, 3) weights of blue, green, red that cancel for what is grey in this image."""
         return np.asarray(self._hue / neutral_colour(image))
 
     def _refine(
-        self, image: Image, label: NDArray[np.intp], near_px: FloatArray, half: int
+        self, image: Pixels, label: NDArray[np.intp], near_px: FloatArray, half: int
     ) -> tuple[FloatArray, BoolArray]:
         """Centres (n, 2) of the labels in square regions around (n, 2), and which exist (n,)."""
         count, side = len(label), 2 * half + 1
@@ -176,7 +176,7 @@ def label_sized(area_px: FloatArray, size_px: FloatArray, radius_px: float) -> B
     return np.asarray((area >= low) & (area <= high) & sides)
 
 
-def neutral_colour(image: Image) -> FloatArray:
+def neutral_colour(image: Pixels) -> FloatArray:
     """(3,) what grey looks like in an image of a mostly grey scene, scaled to mean one.
 
     The mean of a sparse sample; four labels are a five-hundredth of the picture and move it less
@@ -189,7 +189,7 @@ def neutral_colour(image: Image) -> FloatArray:
     return np.asarray(typical[:3] / typical[:3].mean())
 
 
-def _cut(image: Image, corner: NDArray[np.intp], side: int) -> Response:
+def _cut(image: Pixels, corner: NDArray[np.intp], side: int) -> Response:
     """(n, side, side, 3) squares with their first pixel at corners (n, 2); black outside."""
     picture = Region(0, 0, image.shape[1], image.shape[0])
     patches = np.zeros((len(corner), side, side, 3), dtype=np.float32)

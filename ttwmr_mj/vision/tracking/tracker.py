@@ -12,7 +12,7 @@ import numpy as np
 from ttwmr_mj.dynamics.kinematics import q_rate
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, unwrap_near
-from ttwmr_mj.vision.camera.frame import Frame, Image
+from ttwmr_mj.vision.camera.frame import Frame, Pixels
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.tracking import constellation
@@ -88,12 +88,12 @@ class Tracker:
         """Work in the frames that have arrived by now, perhaps none, and answer for now."""
         self.sighting = None
         for frame in frames:
-            self.see(frame.image, frame.time_s)
+            self.see(frame.pixels, frame.time_s)
         if self.sighting is None:
             self.miss(now_s)
         return self.estimate(now_s)
 
-    def see(self, image: Image, time_s: float) -> Sighting:
+    def see(self, image: Pixels, time_s: float) -> Sighting:
         """Work in a frame.
 
         Args:
@@ -151,7 +151,7 @@ class Tracker:
         ramps = self.commands.ramps(self._filtered.time_s, time_s)
         return self._motion.predict(self._filtered, time_s, ramps)
 
-    def _follow(self, image: Image, time_s: float) -> Sighting | None:
+    def _follow(self, image: Pixels, time_s: float) -> Sighting | None:
         """Look where the labels should be, and update; None where regions would be too wide."""
         prior = self._at(time_s)
         expected = self.camera.project(self.layout.centres_m(prior.mean[:4]))
@@ -182,7 +182,7 @@ class Tracker:
         )
         return used
 
-    def _acquire(self, image: Image, time_s: float) -> Sighting | None:
+    def _acquire(self, image: Pixels, time_s: float) -> Sighting | None:
         """Look everywhere, and start afresh from what looks like the robot."""
         candidates = self.detector.search(image)
         points = self.camera.to_plane(candidates.centre_px, self.layout.height_m[candidates.label])

@@ -11,13 +11,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.canvas import Draw, legend_below, write_figures
-from ttwmr_mj.figures.style import BLUE, GREEN, GREY, INK, ORANGE, PINK, SKY, VERMILION
+from ttwmr_mj.figures.scales import is_wide, plain_log
+from ttwmr_mj.figures.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    INK,
+    MARKS,
+    ORANGE,
+    PINK,
+    SERIES,
+    SKY,
+    VERMILION,
+)
 from ttwmr_mj.results.statistics import Interval
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.studies.sweep.answers.findings import Along, Findings, Pair, Sensitivity
 from ttwmr_mj.studies.sweep.answers.maps import draw_map
 from ttwmr_mj.studies.sweep.answers.read import Sweep
-from ttwmr_mj.studies.sweep.answers.scales import WIDE, plain_log
 from ttwmr_mj.studies.sweep.answers.slices import OUTER, Group
 from ttwmr_mj.studies.sweep.answers.tables import RULES
 from ttwmr_mj.studies.sweep.answers.words import Shown, parameter_label
@@ -27,8 +38,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 WIDTH_IN = 7.6
-COLOURS = (BLUE, VERMILION, GREEN, PINK, ORANGE, SKY, GREY)
-MARKS = "os^Dvp*"
 VERDICT_COLOURS = {
     "followed": GREEN,
     "no_reference": GREEN,
@@ -103,7 +112,6 @@ def _draw_verdicts(figure: Figure, findings: Findings) -> None:
                 axes.text(x, place, f"{count}", ha="center", va="center", color="#FEFEFE")
         left += widths
     axes.invert_yaxis()
-    axes.set_axisbelow(True)
     axes.set(xlabel="share of the runs [%], with their number", xlim=(0.0, 100.0))
     axes.grid(axis="y", visible=False)
     legend_below(figure, columns=4)
@@ -118,11 +126,11 @@ def _draw_distribution(figure: Figure, sweep: Sweep, shown: Shown) -> None:
         known = values[np.isfinite(values)]
         finite += known.tolist()
         share = 100.0 * np.arange(1, len(known) + 1) / max(1, len(values))
-        style: dict[str, Any] = {"color": COLOURS[i % len(COLOURS)], "label": _named(name)}
+        style: dict[str, Any] = {"color": SERIES[i % len(SERIES)], "label": _named(name)}
         axes.step([*known[:1], *known], [0.0, *share] if known.size else [], where="post", **style)
         if known.size and len(known) < len(values):
             axes.plot(known[-1], share[-1], MARKS[i % len(MARKS)], color=style["color"])
-    if finite and min(finite) > 0.0 and max(finite) > WIDE * min(finite):
+    if finite and is_wide((min(finite), max(finite))):
         axes.set_xscale("log")
         plain_log(axes.xaxis, (min(finite), max(finite)))
     axes.set(xlabel=shown.label, ylabel="share of the runs\nbelow this [%]", ylim=(0.0, 102.0))
@@ -141,7 +149,7 @@ def _draw_along(figure: Figure, along: Along, shown: Shown) -> None:
         if not kept:
             continue
         x = np.array([place for place, _ in kept])
-        colour, label = COLOURS[i % len(COLOURS)], _named(name)
+        colour, label = SERIES[i % len(SERIES)], _named(name)
         mark = f"{MARKS[i % len(MARKS)]}{'-' if slicing.numeric else ''}"
         _intervals(panels[0], x, [g.failures for _, g in kept], 100.0, colour, mark, label)
         if has_number:
@@ -189,8 +197,8 @@ def _intervals(
     ends = np.clip(values, -far, far)
     ends[~np.isfinite(values[:, 1]) & ~np.isfinite(values[:, 2]), 1:] = np.nan
     bars = np.abs(ends[:, 1:] - ends[:, :1]).T
-    axes.errorbar(x, values[:, 0], bars, fmt=mark, color=colour, ms=4, capsize=2.5, lw=1.2)
-    axes.plot([], [], mark, color=colour, ms=4, label=label)
+    axes.errorbar(x, values[:, 0], bars, fmt="none", ecolor=colour, capsize=2.5, elinewidth=1.2)
+    axes.plot(x, values[:, 0], mark, color=colour, markersize=4, linewidth=1.2, label=label)
 
 
 def _band(axes: Axes, x: np.ndarray, groups: list[Group], shown: Shown, colour: str) -> None:
@@ -200,7 +208,7 @@ def _band(axes: Axes, x: np.ndarray, groups: list[Group], shown: Shown, colour: 
     top = np.where(np.isinf(ends[:, 1]), 1e9, ends[:, 1])
     axes.fill_between(x, ends[:, 0], top, where=known, color=colour, alpha=0.18, linewidth=0)
     upper = shown.factor * np.array([g.outer[1] for g in groups])
-    axes.plot(x, np.where(np.isinf(upper), 1e9, upper), ":", color=colour, linewidth=1.2)
+    axes.plot(x, np.where(np.isinf(upper), np.nan, upper), ":", color=colour, linewidth=1.2)
 
 
 def _fit_to(axes: Axes, groups: list[Group], shown: Shown) -> None:
@@ -211,7 +219,7 @@ def _fit_to(axes: Axes, groups: list[Group], shown: Shown) -> None:
         axes.text(0.5, 0.5, "no run has a number", transform=axes.transAxes, ha="center")
         return
     low, high = float(finite.min()), float(finite.max())
-    if low > 0.0 and high > WIDE * low:
+    if is_wide((low, high)):
         axes.set_yscale("log")
         axes.set_ylim(low / 1.3, high * 1.3)
         plain_log(axes.yaxis, (low, high))
@@ -241,7 +249,7 @@ def _draw_sensitivity(
             for i, index in enumerate(one.indices or ()):
                 value, low, high = getattr(index, kind)
                 bars = [[max(0.0, value - low)], [max(0.0, high - value)]]
-                fill = colour if index.converged else "#FEFEFE"
+                fill = colour if index.converged else "none"
                 axes.errorbar(
                     value, i + shift, xerr=bars, fmt=mark, color=colour, mfc=fill, ms=5, capsize=2
                 )
@@ -257,7 +265,7 @@ def _draw_sensitivity(
 def _name_indices(axes: Axes) -> None:
     axes.plot([], [], "o", color=BLUE, label="first order: alone")
     axes.plot([], [], "s", color=VERMILION, label="total: with all it does together with others")
-    axes.plot([], [], "o", color=GREY, mfc="#FEFEFE", label="not converged")
+    axes.plot([], [], "o", color=GREY, mfc="none", label="not converged")
 
 
 def _kind(of: str, shown: Shown) -> str:

@@ -13,6 +13,7 @@ import numpy as np
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 BoolArray = np.ndarray
 
@@ -37,6 +38,11 @@ class Sweep:
         plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
         read = pq.read_table(folder / "results.parquet")
         return cls(plan, {name: read[name].to_numpy() for name in read.column_names})
+
+    @cached_property
+    def planned(self) -> Plan:
+        """The plan as the sweep's own code has it."""
+        return Plan.from_json(self.plan)
 
     def __len__(self) -> int:
         return len(self.table["row"])

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +28,8 @@ from ttwmr_mj.studies.sweep.answers.tables import (
     verdicts_table,
 )
 from ttwmr_mj.studies.sweep.answers.words import Shown, number, parameter_label, said_percent
+from ttwmr_mj.studies.sweep.plan.plan import Row
+from ttwmr_mj.studies.sweep.words import command_of
 
 MOST_FAILED = 100  # failed runs that the page lists; failed.csv has all
 
@@ -64,17 +64,14 @@ def _write_failed(sweep: Sweep, path: Path) -> None:
 
 def command(sweep: Sweep, i: int) -> str:
     """What runs the i-th run alone, with all its files."""
-    plan, row = sweep.plan, {name: values[i] for name, values in sweep.table.items()}
-    told = [*plan["overrides"], *plan["variants"].get(str(row["variant"]), ())]
-    told += [f"{path}={_toml(row[path])}" for path in plan["parameters"]]
-    sets = [word for override in told for word in ("--set", override)]
-    return shlex.join(["ttwmr", "run", plan["scenario"], *sets, "--seed", str(row["seed"])])
+    row = {name: values[i] for name, values in sweep.table.items()}
+    values = {path: _plain(row[path]) for path in sweep.plan["parameters"]}
+    where = int(row["row"]), int(row["draw"]), str(row["variant"]), int(row["seed"])
+    return command_of(sweep.planned, Row(*where, values))
 
 
-def _toml(value: Any) -> str:
-    """As `--set` takes it; texts that are plain words need no quotes."""
-    plain = value.item() if isinstance(value, np.generic) else value
-    return plain if isinstance(plain, str) else json.dumps(plain)
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _page(sweep: Sweep, findings: Findings, drawings: dict[str, Path]) -> str:

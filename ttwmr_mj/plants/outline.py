@@ -1,9 +1,10 @@
-"""The outlines of a robot's chassis as seen from above, for its places on the floor."""
+"""The outlines of a robot's chassis as seen from above."""
 
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.mjcf import HITCHES
+from ttwmr_mj.plants.joints import Joints
+from ttwmr_mj.plants.names import hitches
 from ttwmr_mj.state import FloatArray
 
 VISUAL_GROUP = 2
@@ -13,7 +14,8 @@ CIRCLE: FloatArray = np.stack([np.cos(ROUND), np.sin(ROUND)], axis=-1)
 
 def chassis(model: mujoco.MjModel) -> dict[str, int]:
     """Name → body of the tractor and of what hangs on hitches, front to back."""
-    bodies = [model.joint(name).bodyid[0] for name in ("tractor", *HITCHES)]
+    names = ("tractor", *hitches(Joints(model).trailers))
+    bodies = [model.joint(name).bodyid[0] for name in names]
     return {model.body(body).name: int(body) for body in bodies}
 
 
@@ -36,6 +38,24 @@ def outline(model: mujoco.MjModel, body: int, margin_m: float) -> FloatArray:
     local = (np.vstack(points) - data.xpos[body]) @ data.xmat[body].reshape(3, 3)
     wide = (local[:, None, :2] + margin_m * CIRCLE).reshape(-1, 2)
     return np.asarray(wide[ConvexHull(wide).vertices])
+
+
+def silhouettes(model: mujoco.MjModel, q: FloatArray) -> dict[str, FloatArray]:
+    """The outlines of robots that stand level at q (n, 3 + trailers).
+
+    Returns:
+        (n, corners, 2) by chassis, front to back [m], world frame.
+    """
+    data = mujoco.MjData(model)
+    corners = {body: outline(model, body, 1e-6) for body in chassis(model).values()}
+    placed: dict[int, list[FloatArray]] = {body: [] for body in corners}
+    for qpos in Joints(model).standing(np.array(model.qpos0), q):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(model, data)
+        for body, local in corners.items():
+            turn = data.xmat[body].reshape(3, 3)[:2, :2]
+            placed[body].append(data.xpos[body, :2] + local @ turn.T)
+    return {name: np.stack(placed[body]) for name, body in chassis(model).items()}
 
 
 def _carried(model: mujoco.MjModel, chassis_body: int) -> set[int]:

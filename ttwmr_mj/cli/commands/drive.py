@@ -1,0 +1,53 @@
+"""`ttwmr drive`: the robot under a person's hands."""
+
+import sys
+
+from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
+from ttwmr_mj.errors import InputError
+
+
+class DriveCommand(Overrides, NewFolder, name="drive"):
+    """Drive the robot by arrow keys or gamepad, live in the viewer, and leave a run folder."""
+
+    scenario: str = argument(SCENARIO, "lab_circle")
+    live: str = option(
+        "viewer: auto (a window, or without a display a browser), web, none, or "
+        "rerun+http://HOST:PORT/proxy of one that runs",
+        "auto",
+        metavar="HOW",
+    )
+    longest: float = option("end after that at the latest", 600.0, metavar="SECONDS")
+
+    def __call__(self) -> int:
+        from ttwmr_mj.cli.viewing import viewing
+        from ttwmr_mj.runs.drive import drive_scenario
+        from ttwmr_mj.runs.hands import Hands
+
+        if not 0.0 < self.longest <= 3600.0:
+            got = f"{self.longest:g}"
+            raise InputError.at("--longest", got=got, allowed="more than 0, up to 3600")
+        scenario = self.load(self.scenario)
+        hands = Hands()
+        folder = self.open_folder(f"{scenario.name}-driven", scenario.seed)
+        with viewing(None if self.live == "none" else self.live) as live:
+            with hands:
+                print(hands.told, flush=True)
+                done = drive_scenario(
+                    scenario,
+                    hands,
+                    folder,
+                    longest_s=self.longest,
+                    command_line=command_line(),
+                    live=live,
+                    tell=None if self.quiet else _status,
+                )
+            if not self.quiet:
+                print(f"\ndriven for {done.outcome.time_s:.1f} s; run folder: {folder}")
+                print(f"drive it again: ttwmr run {folder / 'scenario.resolved.toml'}")
+            return 0
+
+
+def _status(text: str) -> None:
+    sys.stdout.write(f"\r{text}")
+    sys.stdout.flush()

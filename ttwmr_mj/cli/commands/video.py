@@ -1,0 +1,40 @@
+"""`ttwmr video`: a run as a film."""
+
+from pathlib import Path
+from typing import Literal
+
+from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.shared import Quiet
+
+
+class VideoCommand(Quiet, name="video"):
+    """Make a video of a run from its files; needs no display."""
+
+    run: Path = argument("the run folder")
+    out: Path = option(
+        "the video, by its ending .mp4, .webm or .gif", Path("run.mp4"), name="-o", metavar="FILE"
+    )
+    view: Literal["both", "chase", "overhead"] = option(
+        "from behind the robot, from above, or both", "both"
+    )
+    speed: float = option("simulated seconds per second of the video", 1.0, metavar="FACTOR")
+    start: float = option("simulated time of the first frame", 0.0, metavar="SECONDS")
+    stop: float | None = option("of the last frame; default: the run's end", metavar="SECONDS")
+
+    def __call__(self) -> int:
+        from ttwmr_mj.recording.video.film import make_video
+        from ttwmr_mj.runs.progress import progress_bar
+
+        with progress_bar(self.out.name, 100.0, "%", self.quiet) as progress:
+            make_video(
+                self.run,
+                self.out,
+                view=self.view,
+                speed=self.speed,
+                start_s=self.start,
+                stop_s=self.stop,
+                progress=None if progress is None else lambda share: progress(100.0 * share),
+            )
+        if not self.quiet:
+            print(f"written to {self.out}")
+        return 0

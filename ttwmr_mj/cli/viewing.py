@@ -1,0 +1,34 @@
+"""A viewer beside a command that runs."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+
+from ttwmr_mj.recording.live import LiveView
+from ttwmr_mj.recording.viewer import choose_viewer
+
+
+@contextmanager
+def viewing(wish: str | None) -> Iterator[LiveView | None]:
+    """The viewer that is wished for, if any; a page is served on at the end, on a terminal.
+
+    Args:
+        wish: as of `choose_viewer`; None: no viewer.
+
+    Raises:
+        InputError: there is no such viewer.
+        MachineError: Rerun's viewer is not installed.
+    """
+    if wish is None:
+        yield None
+        return
+    with LiveView(choose_viewer(wish)) as live:
+        if live.viewer.page:
+            print(f"open in a browser: {live.viewer.page}", flush=True)
+        yield live
+        if live.fault:
+            print(f"ttwmr: warning: the viewer ended early: {live.fault}", file=sys.stderr)
+        if live.viewer.page and live.alive and sys.stdin.isatty():
+            print("the page is served until Ctrl-C", flush=True)
+            with suppress(KeyboardInterrupt):
+                live.wait()

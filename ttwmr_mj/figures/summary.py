@@ -1,0 +1,223 @@
+"""A run in one figure, for a talk or a column of a paper: paths, errors, angles, wheels."""
+
+from __future__ import annotations
+
+import textwrap
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ttwmr_mj.figures import style
+from ttwmr_mj.figures.canvas import canvas, save
+from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import THETA2, FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+WIDTH_IN = 85.0 / 25.4  # a column
+WIDTH_PX = 1600
+PATHS_IN, PANEL_IN, HEAD_IN = 2.6, 1.02, 0.75  # heights
+LETTERS = 50  # a line of the title
+POSES = 6  # silhouettes along the path
+LEAST_ERROR_MM = 1e-3
+LOOKS: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.titlesize": 8.0,
+    "axes.labelsize": 8.0,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "legend.fontsize": 8.0,
+    "figure.titlesize": 8.0,
+    "lines.linewidth": 1.1,
+    "axes.linewidth": 0.6,
+    "legend.handlelength": 1.2,
+    "legend.columnspacing": 0.9,
+    "legend.handletextpad": 0.4,
+    "pdf.fonttype": 42,  # text stays text
+}
+Panel = Callable[["Axes", Trajectory, Curves, RobotParameters], None]
+
+
+def write_summary(
+    trajectory: Trajectory, robot: RobotParameters, folder: Path, title: Sequence[str]
+) -> list[Path]:
+    """Draw summary.png, .svg and .pdf; the same trajectory gives the same bytes.
+
+    Args:
+        trajectory: one simulation, of two rows and more.
+        robot: the numbers of the robot.
+        folder: where the files go.
+        title: its lines, the first in bold.
+
+    Returns:
+        The files written; each is there whole or not at all.
+
+    Raises:
+        InputError: the trajectory is of several simulations.
+        OSError: a file cannot be written.
+    """
+    run = trajectory.simulation()
+    curves = Curves.of(run, robot)
+    panels = _panels(run, curves)
+    height_in = HEAD_IN + PATHS_IN + PANEL_IN * len(panels)
+    with canvas((WIDTH_IN, height_in), LOOKS) as figure:
+        grid = figure.add_gridspec(
+            1 + len(panels), 1, height_ratios=[PATHS_IN, *[PANEL_IN] * len(panels)]
+        )
+        paths = figure.add_subplot(grid[0])
+        _draw_paths(paths, run, curves, robot)
+        rows: list[Axes] = []
+        for i, draw in enumerate(panels, start=1):
+            axes = figure.add_subplot(grid[i], sharex=rows[0] if rows else None)
+            draw(axes, run, curves, robot)
+            axes.margins(x=0.01)
+            axes.tick_params(labelbottom=i == len(panels))
+            rows.append(axes)
+        rows[-1].set_xlabel("time [s]")
+        figure.align_ylabels(rows)
+        _head(figure, paths, title)
+        figure.draw_without_rendering()  # one layout for all three files
+        figure.set_layout_engine("none")
+        dpi = WIDTH_PX / WIDTH_IN
+        return [save(figure, folder / f"summary{end}", dpi) for end in (".png", ".svg", ".pdf")]
+
+
+def _panels(run: Trajectory, curves: Curves) -> list[Panel]:
+    """Those that have something to show."""
+    known = np.isfinite(curves.tractor_error_m).any() or _estimated(run).any()
+    return [*([_draw_errors] if known else []), _draw_angles, _draw_wheels]
+
+
+def _head(figure: Figure, paths: Axes, title: Sequence[str]) -> None:
+    bold, *rest = title
+    lines = [line for part in rest for line in textwrap.wrap(part, LETTERS)]
+    first = textwrap.wrap(bold, LETTERS - 4)
+    # the bold lines hold the place of the others below them
+    figure.suptitle("\n".join([*first, *lines]), x=0.02, ha="left", color="none", linespacing=1.25)
+    handles, names = paths.get_legend_handles_labels()
+    paths.legend(
+        handles,
+        names,
+        loc="lower center",
+        bbox_to_anchor=(0.5, 1.0),
+        ncols=len(names),
+        borderaxespad=0.1,
+    )
+    line = 8.0 * 1.25 * 1.08 / 72.0 / figure.get_figheight()
+    for i, text in enumerate([*first, *lines]):
+        weight = "bold" if i < len(first) else "normal"
+        figure.text(
+            0.02, 1.0 - 0.04 / figure.get_figheight() - i * line, text, weight=weight, va="top"
+        )
+
+
+def _draw_paths(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
+    p, com = run.q[:, 0, :2], curves.trailer_com_m[:, 0]
+    for wanted, width in ((run.ref_q[:, 0, :2], 4.0), (curves.ref_trailer_com_m[:, 0], 2.5)):
+        if np.isfinite(wanted).any():
+            first = width == style.BAND["linewidth"]
+            axes.plot(
+                *wanted.T, **style.BAND | {"linewidth": width}, label="reference" if first else None
+            )
+    axes.plot(*p.T, color=style.TRACTOR, label="tractor (P)")
+    axes.plot(*com.T, color=style.TRAILER, label="trailer (COM)")
+    _draw_silhouettes(axes, run, robot)
+    axes.set_aspect("equal", adjustable="datalim")
+    axes.set(xlabel="x [m]", ylabel="y [m]")
+
+
+def _draw_silhouettes(axes: Axes, run: Trajectory, robot: RobotParameters) -> None:
+    """The robot at a few times, later ones darker, with the direction it drives in."""
+    from ttwmr_mj.plants.contact_options import ContactOptions
+    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.plants.outline import silhouettes
+
+    alive = np.flatnonzero(np.isfinite(run.q[:, 0]).all(axis=1))
+    rows = alive[np.unique(_apart(run.q[alive, 0, :2], POSES))]
+    q = run.q[rows, 0]
+    shapes = silhouettes(build_model(robot, ContactOptions()), q)
+    shades = np.linspace(0.25, 0.75, len(rows))
+    for name, corners in shapes.items():
+        colour = style.TRACTOR if name == "tractor" else style.TRAILER
+        for shade, corner in zip(shades, corners, strict=True):
+            axes.fill(*corner.T, color=colour, alpha=shade, linewidth=0.4, zorder=3)
+    for row in rows[:-1]:
+        _draw_direction(axes, run.q[row:, 0, :2])
+
+
+def _draw_direction(axes: Axes, path: FloatArray, length_m: float = 0.12) -> None:
+    """An arrow head on the path, a little ahead of its start."""
+    gone = np.hypot(*(path - path[0]).T)
+    ahead = np.flatnonzero(gone > length_m)
+    if ahead.size:
+        at = int(ahead[0])
+        axes.annotate(
+            "",
+            xy=path[at],
+            xytext=path[max(at - max(at // 8, 1), 0)],
+            arrowprops={"arrowstyle": "-|>", "color": style.TRACTOR, "linewidth": 1.1},
+        )
+
+
+def _apart(points_m: FloatArray, count: int) -> FloatArray:
+    """Rows that split a path into pieces of equal length, its first and last among them."""
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
+    rows = np.searchsorted(along, np.linspace(0.0, along[-1], count))
+    return np.asarray(np.minimum(rows, len(points_m) - 1))
+
+
+def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
+    del robot
+    miss = np.where(_estimated(run), np.hypot(*(run.est_q - run.q)[:, 0, :2].T), np.nan)
+    for values, colour, name in (
+        (miss, style.GREEN, "estimate of P"),
+        (curves.trailer_error_m[:, 0], style.TRAILER, None),
+        (curves.tractor_error_m[:, 0], style.TRACTOR, None),
+    ):
+        if np.isfinite(values).any():
+            width = 0.6 if name else None
+            shown = np.maximum(1e3 * values, LEAST_ERROR_MM)
+            axes.plot(run.time_s, shown, color=colour, label=name, linewidth=width)
+    axes.set_yscale("log")
+    axes.set_ylabel("error [mm]")
+    if axes.get_legend_handles_labels()[1]:
+        axes.legend(loc="upper right", borderaxespad=0.1)
+
+
+def _draw_angles(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
+    del curves, robot
+    angles, wanted = run.q[:, 0, THETA2:], run.ref_q[:, 0, THETA2:]
+    trailers = angles.shape[1]
+    for i in range(trailers):
+        if np.isfinite(wanted[:, i]).any():
+            axes.plot(run.time_s, wanted[:, i], **style.BAND)
+        shade = 1.0 - 0.6 * i / trailers
+        axes.plot(run.time_s, angles[:, i], color=style.TRAILER, alpha=shade, label=f"θ{i + 2}")
+    axes.set_ylabel("θ2 [rad]" if trailers == 1 else "θ [rad]")
+    if trailers > 1:
+        axes.legend(loc="upper right", ncols=trailers, borderaxespad=0.1)
+
+
+def _draw_wheels(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
+    del curves
+    speeds, limit = run.wheel_speed_rad_s[:, 0], robot.servo.speed_limit_rad_s
+    for wheel, (name, colour) in enumerate((("right", style.RIGHT), ("left", style.LEFT))):
+        axes.plot(run.time_s, speeds[:, wheel], color=colour, label=name, linewidth=0.9)
+    sides = [limit] if np.nanmin(speeds) > -0.05 * limit else [limit, -limit]
+    for i, side in enumerate(sides):
+        looks: dict[str, Any] = {"color": style.GREY, "linestyle": (0, (4, 2)), "linewidth": 0.8}
+        axes.axhline(side, label=None if i else "limit", **looks)
+    axes.set_ylim(bottom=0.0 if len(sides) == 1 and np.nanmin(speeds) >= 0.0 else None)
+    axes.set_ylabel("wheels [rad/s]")
+    axes.legend(loc="center right", ncols=3, borderaxespad=0.1)
+
+
+def _estimated(run: Trajectory) -> Any:
+    """(n,) rows at which the law saw something else than the truth."""
+    return (run.est_q[:, 0] != run.q[:, 0]).any(axis=1) & np.isfinite(run.est_q[:, 0]).all(axis=1)
