@@ -277,7 +277,7 @@ def test_the_files(tmp_path: Path) -> None:
     done = compare_scenario(scenario, tmp_path, options, command_line=["ttwmr", "compare"])
     names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
     assert {"compare.json", "manifest.json", "contact.parquet", "analytic.parquet"} <= names
-    assert {"run.rrd", "figures/deviation.svg", "figures/paths.png"} <= names
+    assert {"run.rrd", "figures/deviation.svg", "figures/paths.png", "report.html"} <= names
     manifest = json.loads((tmp_path / "manifest.json").read_text())
     assert manifest["command_line"] == ["ttwmr", "compare"]
     report = json.loads((tmp_path / "compare.json").read_text())
@@ -292,6 +292,28 @@ def test_the_files(tmp_path: Path) -> None:
         "theta2_deviation_max_rad",
     ):
         assert report[key] > 0.0
+    page = (tmp_path / "report.html").read_text()
+    assert page.count('<svg class="drawing"') == 4
+    assert '<a href="run.rrd">' in page
+    assert f"{1e3 * report['position_deviation_max_m']:.3g} mm</b><span>P, largest" in page
+    assert "Where it comes from" not in page
+    assert "ttwmr compare scenario.resolved.toml --no-attribution" in page
+
+
+def test_the_page_tells_where_the_deviation_comes_from(tmp_path: Path) -> None:
+    options = Options(recording=False, figures=False)
+    report = compare_scenario(open_loop((0.2, 5.0, 4.0)), tmp_path, options).report
+    page = (tmp_path / "report.html").read_text()
+    row = report["attribution"]["theta2"]["caster_inertia"]
+    cells = re.search(
+        r"<tr><td>caster inertia</td>\s*(.*?)</tr>", page.split("<h3>θ2</h3>")[1], re.S
+    )
+    assert cells is not None
+    told = re.findall(r"<td[^>]*>([^<]*)</td>", cells[1])
+    sizes = [row[f"{name}_rad"] for name in ("alone", "interaction", "contribution")]
+    assert told == [*(f"{1e3 * size:.4f}" for size in sizes), f"{100 * row['share']:.1f} %"]
+    assert (tmp_path / "attribution.parquet").is_file()
+    assert "run.rrd" not in page
 
 
 def test_a_report_in_words(tmp_path: Path) -> None:

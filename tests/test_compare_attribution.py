@@ -16,6 +16,7 @@ from ttwmr_mj.studies.compare.attribution import (
     Attribution,
     Contribution,
     attribute,
+    over_time,
     table,
 )
 from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
@@ -116,6 +117,47 @@ def test_a_contribution_is_its_projection_on_the_total() -> None:
     assert (two.size, two.rms) == (0.0, 0.0)
     assert (higher.size, rest.size, whole.size) == pytest.approx((1.25, 1.25, 5.0))
     assert whole.share == pytest.approx(1.0)
+
+
+def test_over_time_contributions_add_up_to_the_deviation_at_every_sample() -> None:
+    random = np.random.default_rng(2)
+    total, a, i, b, higher = random.normal(size=(5, 40, 4))
+    none = np.zeros_like(total)
+    parts = {"one": (a, i), "two": (b, none)}
+    of_p = over_time(parts, higher, total, [0, 1])
+    whole = of_p.pop("total")
+    np.testing.assert_allclose(whole, np.hypot(total[:, 0], total[:, 1]))
+    np.testing.assert_allclose(sum(of_p.values()), whole)
+    # what acts across the deviation adds nothing to its size
+    across = np.stack([-total[:, 1], total[:, 0], none[:, 0], none[:, 0]], axis=1)
+    of_p = over_time({"one": (across, none)}, none, total, [0, 1])
+    np.testing.assert_allclose(of_p["one"], 0.0, atol=1e-12)
+    # an angle keeps its sign
+    of_theta2 = over_time(parts, higher, total, [3])
+    np.testing.assert_allclose(of_theta2["one"], a[:, 3] + i[:, 3])
+    np.testing.assert_allclose(of_theta2["total"], total[:, 3])
+
+
+def test_where_nothing_deviates_nothing_contributes() -> None:
+    zero = np.zeros((3, 4))
+    curves = over_time({"one": (zero, zero)}, zero, zero, [0, 1])
+    assert all((values == 0.0).all() for values in curves.values())
+
+
+def test_the_contributions_are_a_table_with_units() -> None:
+    full = open_loop(*BRISK)
+    found = attribute(full, run_commands(full))
+    read = found.to_table()
+    columns = read.column_names
+    assert columns[0] == "time_s"
+    assert {"position_servo_m", "theta1_rest_rad", "theta2_total_rad"} <= set(columns)
+    time_s = read["time_s"].to_numpy()
+    np.testing.assert_allclose(np.diff(time_s), full.control.sampling_time_s)
+    parts = [read[c].to_numpy() for c in columns if c.startswith("theta2_") and "total" not in c]
+    np.testing.assert_allclose(sum(parts), read["theta2_total_rad"].to_numpy(), atol=1e-15)
+    assert np.sqrt(np.mean(read["position_total_m"].to_numpy() ** 2)) == pytest.approx(
+        found.tables["position"][-1].size
+    )
 
 
 def test_a_large_rest_is_explained() -> None:

@@ -102,7 +102,13 @@ def studies(pair: Pair, tmp_path_factory: pytest.TempPathFactory) -> Studies:
         widths.append(width)
         return barh(axes, names, width, **looks)
 
-    attribution = SimpleNamespace(tables={"position": ROWS, "theta2": EMPTY})
+    stack = {"servo": np.array([1e-3, 2e-3]), "rest": np.array([-1e-3, 0.0])}
+    stack["total"] = stack["servo"] + stack["rest"]
+    attribution = SimpleNamespace(
+        tables={"position": ROWS, "theta2": EMPTY},
+        curves={"position": stack, "theta2": stack},
+        time_s=np.array([0.0, 0.1]),
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Axes, "barh", spy)
         curves = drawn(patch)
@@ -120,12 +126,23 @@ def test_bars_say_what_contributes(studies: Studies) -> None:
     assert "total (rms)" in texts
 
 
+def test_contributions_are_stacked_below_what_was_measured(studies: Studies) -> None:
+    for label in ("deviation of P\n[mm]", "deviation of θ2\n[mrad]"):
+        measured = studies.curves["contributions"][f"{label} what was measured"]
+        assert measured == ([0.0, 0.1], [0.0, 2.0])
+    texts = labels(studies.folder / "contributions.svg")
+    assert {"servo lag and droop", "unexplained remainder"} <= set(texts)
+
+
 def test_the_study_of_convergence_is_a_line_per_angle_and_position(studies: Studies) -> None:
     assert studies.curves["convergence"] == {
-        "P [mm]: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
-        "θ1 [mrad]": ([2.0, 1.0], [4.0, 2.0]),
-        "θ2 [mrad]: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
+        "P: order 1.00": ([2.0, 1.0], [2.0, 1.0]),
+        "θ1": ([2.0, 1.0], [4.0, 2.0]),
+        "θ2: order 0.99": ([2.0, 1.0], [6.0, 3.0]),
     }
+    # each unit has its own axes
+    texts = labels(studies.folder / "convergence.svg")
+    assert {"largest deviation of P [mm]", "largest deviation of angles [mrad]"} <= set(texts)
 
 
 def test_the_fit_is_held_against_a_factor_of_five(studies: Studies) -> None:

@@ -1,17 +1,15 @@
 """report.html and claims.json: what a reader who has only the article can follow and re-run."""
 
-import base64
-import re
 import shlex
 from collections import Counter
 from dataclasses import asdict
-from importlib import resources
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.runs.report import verdict_line
+from ttwmr_mj.studies.pages.page import inlined, render
 from ttwmr_mj.studies.reproduce.claims import friction
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 from ttwmr_mj.studies.reproduce.claims.limits import LIMITS, REASONS
@@ -22,6 +20,13 @@ from ttwmr_mj.studies.reproduce.runs import RUNS
 from ttwmr_mj.studies.reproduce.words import mm
 
 CLAIMS_SCHEMA_VERSION = 1
+TONES = {  # verdict → how the page colours it
+    "holds": "good",
+    "holds with changes": "warn",
+    "fails": "bad",
+    "undecided": "odd",
+    "evidence missing": "muted",
+}
 REPORTED = ("ttwmr-mj", *LIBRARIES, "scipy", "sympy")
 
 
@@ -56,22 +61,16 @@ def write_report(
         drawn: names of the figures to show, as SVG files under figures/.
         path: the file.
     """
-    from jinja2 import Environment, StrictUndefined
-    from markupsafe import Markup, escape
-
-    template = (resources.files(__package__) / "report.html.j2").read_text(encoding="utf-8")
-    environment = Environment(
-        autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    # `name` in a text of ours is set in <code>
-    environment.filters["code"] = lambda text: Markup(
-        re.sub(r"`([^`]*)`", r"<code>\1</code>", str(escape(text)))
-    )
     swept = judgements and not evidence.lacking(FIGURES["friction"].numbers.needed)
-    page = environment.from_string(template).render(
+    claimed = {figure for name in judgements for figure in CLAIMS[name].figures}
+    page = render(
+        __package__ or "",
+        "report.html.j2",
         counts=Counter(judgement.verdict for judgement in judgements.values()),
         claims=[(CLAIMS[name], judgement) for name, judgement in judgements.items()],
-        figures=[_figure(evidence, name) for name in drawn],
+        shown={name: _figure(evidence, name) for name in drawn},
+        unclaimed=[name for name in drawn if name not in claimed],
+        tones=TONES,
         errata=_errata(evidence) if judgements else [],
         friction=friction.numbers(evidence) if swept else None,
         balances=friction.balances(evidence) if swept else [],
@@ -98,7 +97,7 @@ def _figure(evidence: Evidence, name: str) -> dict[str, Any]:
     return {
         "figure": figure,
         "found": f"Not run: {', '.join(lacking)}." if lacking else figure.caption(evidence),
-        "svg": None if lacking else base64.b64encode(drawing.read_bytes()).decode("ascii"),
+        "svg": None if lacking else inlined(drawing),
     }
 
 

@@ -71,6 +71,7 @@ class Claim:
         decides: the rule.
         cases: what is assumed in words → what the claim is judged by then; one case where nothing
             is varied.
+        figures: those that show it.
     """
 
     name: str
@@ -80,6 +81,7 @@ class Claim:
     finding: str
     decides: Rule
     cases: dict[str, Numbers]
+    figures: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, name: str, entry: dict[str, Any]) -> Claim:
@@ -95,6 +97,7 @@ class Claim:
                 assumed: Numbers.of(_assuming(entry, word))
                 for assumed, word in entry.get("assuming", {"": ""}).items()
             },
+            figures=tuple(entry.get("figures", ())),
         )
 
     @property

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 COLOURS = (TRACTOR, VERMILION, GREEN, TRAILER, ORANGE, SKY)
-WIDTHS = (2.6, 1.3, 0.6)  # curves that coincide are still seen
 WIDTH_IN = 7.2
 MOST_ROWS = 900  # of a curve in the file: more than a screen has columns
 
@@ -40,24 +39,38 @@ def _thin(values: FloatArray) -> FloatArray:
 
 
 def _draw_paths(body: str) -> Callable[..., None]:
+    """Each run in axes of its own, at one scale: laps that differ would hide each other."""
+    colour = TRACTOR if body == "tractor" else TRAILER
+
     def path(q: FloatArray, robot: Any) -> FloatArray:
         return q[:, :2] if body == "tractor" else trailer_com(q, robot)
 
     def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
-        rows = math.ceil(len(wanted.panels) / 2)
-        figure.set_size_inches(WIDTH_IN, 0.6 + 0.48 * WIDTH_IN * rows)
-        row = figure.subplots(rows, 2, squeeze=False).flat
-        for axes, panel in zip(row, wanted.panels, strict=True):
-            for (run, label), colour, width in zip(panel.runs, COLOURS, WIDTHS, strict=False):
-                trajectory, robot = evidence.trajectory(run), evidence.robot(run)
-                line = _thin(path(trajectory.q[:, 0], robot))
-                axes.plot(*line.T, color=colour, linewidth=width, label=label)
-                axes.plot(*line[0], "o", color=colour, markeredgecolor="white", markersize=5)
+        shown = [(panel.title, *run) for panel in wanted.panels for run in panel.runs]
+        columns = 2 if len(shown) <= 4 else 4
+        rows = math.ceil(len(shown) / columns)
+        figure.set_size_inches(WIDTH_IN, 0.6 + rows * (0.3 + WIDTH_IN / columns))
+        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for axes in grid.flat[len(shown) :]:
+            axes.set_visible(False)
+        for axes, (law, run, label) in zip(grid.flat, shown, strict=False):
+            trajectory, robot = evidence.trajectory(run), evidence.robot(run)
             reference = path(trajectory.ref_q[:, 0], robot)
             axes.plot(*_thin(reference).T, **BAND, label="reference")
-            axes.set_aspect("equal", adjustable="datalim")
-            axes.set(xlabel="x [m]", ylabel="y [m]", title=panel.title)
-        legend_below(figure, axes=axes)
+            line = _thin(path(trajectory.q[:, 0], robot))
+            half = len(line) // 2
+            axes.plot(
+                *line[: half + 1].T, color=colour, linewidth=0.8, alpha=0.5, label="first half"
+            )
+            axes.plot(*line[half:].T, color=colour, linewidth=1.3, label="second half")
+            axes.plot(*line[0], "o", color=colour, markeredgecolor="white", markersize=5)
+            axes.set_aspect("equal")
+            axes.set_title(f"{law},\n{label}")
+        for axes in grid[-1]:
+            axes.set_xlabel("x [m]")
+        for axes in grid[:, 0]:
+            axes.set_ylabel("y [m]")
+        legend_below(figure, axes=grid[0, 0])
 
     return drawer
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.canvas import Draw, legend_below, write_figures
-from ttwmr_mj.figures.scales import WIDE, plain_log
+from ttwmr_mj.figures.scales import is_wide, plain_log
 from ttwmr_mj.figures.style import (
     BLUE,
     GREEN,
@@ -130,7 +130,7 @@ def _draw_distribution(figure: Figure, sweep: Sweep, shown: Shown) -> None:
         axes.step([*known[:1], *known], [0.0, *share] if known.size else [], where="post", **style)
         if known.size and len(known) < len(values):
             axes.plot(known[-1], share[-1], MARKS[i % len(MARKS)], color=style["color"])
-    if finite and min(finite) > 0.0 and max(finite) > WIDE * min(finite):
+    if finite and is_wide((min(finite), max(finite))):
         axes.set_xscale("log")
         plain_log(axes.xaxis, (min(finite), max(finite)))
     axes.set(xlabel=shown.label, ylabel="share of the runs\nbelow this [%]", ylim=(0.0, 102.0))
@@ -219,7 +219,7 @@ def _fit_to(axes: Axes, groups: list[Group], shown: Shown) -> None:
         axes.text(0.5, 0.5, "no run has a number", transform=axes.transAxes, ha="center")
         return
     low, high = float(finite.min()), float(finite.max())
-    if low > 0.0 and high > WIDE * low:
+    if is_wide((low, high)):
         axes.set_yscale("log")
         axes.set_ylim(low / 1.3, high * 1.3)
         plain_log(axes.yaxis, (low, high))

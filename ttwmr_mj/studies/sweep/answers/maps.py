@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.figures.scales import WIDE, plain_log
+from ttwmr_mj.figures.scales import heat, is_wide, plain_log
 from ttwmr_mj.studies.sweep.answers.words import number, parameter_label
 
 if TYPE_CHECKING:
@@ -25,8 +25,6 @@ WHITE, BLACK = "#FEFEFE", "#010101"  # stay what they are on a dark page
 
 def draw_map(figure: Figure, drawn: Map, shown: Shown) -> None:
     """Failure rates above, medians of the headline below; one column for each variant."""
-    from matplotlib.colors import LogNorm
-
     names, has_number = list(drawn.groups), bool(shown.name)
     most = len(drawn.across.labels) * len(names)
     width = min(16.0, max(WIDTH_IN * (0.6 if len(names) == 1 else 1.0), 1.6 + 0.42 * most))
@@ -45,7 +43,7 @@ def draw_map(figure: Figure, drawn: Map, shown: Shown) -> None:
             if i == 0 and name:
                 axes.set_title(name)
         bar = figure.colorbar(mesh, ax=row.tolist(), label=label, aspect=12)
-        if isinstance(mesh.norm, LogNorm):
+        if is_wide(span):
             plain_log(bar.ax.yaxis, span)
     for axes in grid[-1]:
         axes.set_xlabel(parameter_label(drawn.across.axis.path))
@@ -71,14 +69,8 @@ def _rounded(value: float) -> str:
 def _colour(
     axes: Axes, values: np.ndarray, span: tuple[float, float], said: Callable[[float], str]
 ) -> Any:
-    from matplotlib import colormaps
-    from matplotlib.colors import LogNorm, Normalize
-
-    low, high = span
-    wide = low > 0.0 and high > WIDE * low
-    norm = LogNorm(low, high) if wide else Normalize(low, high if high > low else low + 1.0)
-    colours = colormaps["cividis_r"].with_extremes(over="#3A0000", bad="#BBBBBB")
-    shown = np.where(np.isposinf(values), 1e3 * abs(high) + 1.0, values)
+    colours, norm = heat(span)
+    shown = np.where(np.isposinf(values), 1e3 * abs(span[1]) + 1.0, values)
     mesh = axes.pcolormesh(shown, cmap=colours, norm=norm, edgecolors="#FEFEFE", linewidth=0.6)
     axes.grid(visible=False)
     if values.shape[1] <= MOST_NUMBERS:
