@@ -61,8 +61,8 @@ def quantile(values: FloatArray, at: float, rng: np.random.Generator) -> Interva
     rest = n - below - 1  # uniform numbers above the first; the smallest of them is the next
     shrink = rng.random(RESAMPLES) ** (1.0 / rest) if rest else np.ones(RESAMPLES)
     second = 1.0 - (1.0 - first) * shrink
-    draws = [ranked[np.minimum((n * u).astype(int), n - 1)] for u in (first, second)]
-    found = np.sort(_between(*draws, part))
+    low, high = (ranked[np.minimum((n * u).astype(int), n - 1)] for u in (first, second))
+    found = np.sort(_between(low, high, part))
     cut = round(0.5 * (1.0 - LEVEL) * RESAMPLES)
     return Interval(value, float(found[cut]), float(found[-1 - cut]))
 
