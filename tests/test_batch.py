@@ -288,9 +288,9 @@ def test_an_interrupted_batch_leaves_nothing(monkeypatch: pytest.MonkeyPatch) ->
 
 def test_an_impossible_row_is_refused() -> None:
     rows = [load_scenario("lab_circle", SHORT) for _ in range(2)]
-    train = rows[1].robot.model_copy(update={"trailers": rows[1].robot.trailers * 2})
-    rows[1] = rows[1].model_copy(update={"robot": train})
-    with pytest.raises(InputError, match="trailers"):
+    steering = load_scenario("inverted_trailer").controller  # not for this circle
+    rows[1] = rows[1].model_copy(update={"controller": steering})
+    with pytest.raises(InputError, match="centre of oscillation"):
         run_batch(rows)
 
 

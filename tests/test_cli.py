@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import tomllib
 from pathlib import Path
 
 import pyarrow.parquet as pq
@@ -16,6 +17,8 @@ from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.studies.bench.suite import shipped_suites
+from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
 
 QUICK = ["--set", "duration_s=1.0", "--set", "output.figures=false"]
 
@@ -142,6 +145,10 @@ def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def _description(path: Path) -> str:
+    return str(tomllib.loads(path.read_text(encoding="utf-8"))["description"])
+
+
 def test_list_names_every_scenario_and_kind_with_its_description(tmp_path: Path) -> None:
     done = ttwmr("list", cwd=tmp_path)
     assert done.returncode == 0
@@ -154,10 +161,13 @@ def test_list_names_every_scenario_and_kind_with_its_description(tmp_path: Path)
             entries[name] = text.strip()
     assert listed == {
         "scenarios": {name: load_scenario(name).description for name in shipped_scenarios()},
+        "sweeps": {name: _description(path) for name, path in shipped_sweeps().items()},
+        "suites": {name: _description(path) for name, path in shipped_suites().items()},
         "controller.kind": {kind: cls.summary() for kind, cls in CONTROLLERS.items()},
         "reference.kind": {kind: cls.summary() for kind, cls in REFERENCES.items()},
     }
-    column = max(map(len, shipped_scenarios())) + 4
+    files = [*shipped_scenarios(), *shipped_sweeps(), *shipped_suites()]
+    column = max(map(len, files)) + 4
     rows = [line for line in done.stdout.splitlines() if line.startswith("  ")]
     assert all(line[column - 1] == " " != line[column] for line in rows)
 

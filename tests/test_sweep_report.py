@@ -169,6 +169,7 @@ def test_figures_are_files_and_in_the_page(told: Told) -> None:
     assert files == {f"{name}.{ending}" for name in FIGURES for ending in ("png", "svg")}
     assert told.page.count('<svg class="drawing"') == len(FIGURES)
     assert not re.search(r'(src|href)="(?!#|failed\.csv|data:)', told.page)  # nothing from outside
+    assert "--record worst:3" in told.page
     ids = re.findall(r'\bid="([^"]+)"', told.page)
     assert len(ids) == len(set(ids))
     used = set(re.findall(r"url\(#([^)]+)\)", told.page))
@@ -177,10 +178,13 @@ def test_figures_are_files_and_in_the_page(told: Told) -> None:
 
 def test_one_run_alone_says_what_it_can(tmp_path: Path) -> None:
     drawn_sweep(tmp_path, {})
+    (tmp_path / "recorded" / "row-000000000").mkdir(parents=True)
+    (tmp_path / "recorded" / "row-000000000" / "run.rrd").touch()
     write_report(tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert "None of 1 runs failed: the failure rate is at most 97.5 %." in page
     assert "Along each parameter" not in page
+    assert '<a href="recorded/row-000000000/run.rrd">row-000000000</a>.' in page
     assert "<p>None.</p>" in page
 
 

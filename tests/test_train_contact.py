@@ -178,6 +178,7 @@ def test_a_flat_ellipse_leads_trains_that_are_flat() -> None:
         ("reference={kind='planned',plan='figure_eight'}", "reference.kind"),
         ("initial.more_trailers_rad=[0.1,0.2]", "initial.more_trailers_rad"),
         ("plant.analytic.published_spring=true", "plant.analytic.published_spring"),
+        ("robot.hitches=[{play_m=1e-4},{play_m=1e-4}]", r"robot.hitches.1.play_m"),
     ],
 )
 def test_what_trains_cannot_have_is_refused_with_its_key(override: str, key: str) -> None:

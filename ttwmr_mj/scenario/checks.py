@@ -74,6 +74,11 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
         yield Fault(key=("initial", more), got=str(given), allowed=allowed)
     if count == 1:
         return
+    for index, hitch in enumerate(scenario.robot.hitches[1:], start=1):
+        if hitch.play_m:
+            place = ("robot", "hitches", str(index), "play_m")
+            problem = "only the first may have play"
+            yield Fault(key=place, got=f"{hitch.play_m:g}", problem=problem)
     problem = f"does not work with {count} trailers"
     refused = {
         ("sensing", "kind"): (scenario.sensing.kind == "camera", repr(scenario.sensing.kind)),

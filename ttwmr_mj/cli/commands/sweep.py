@@ -184,8 +184,10 @@ class Sweep(Quiet, name="sweep"):
         )
 
     def _record(self, plan: Plan, folder: Path, wish: Wish) -> None:
+        from ttwmr_mj.studies.sweep.answers.report import write_report
         from ttwmr_mj.studies.sweep.record import record
 
         for run in record(plan, folder, wish, workers=self.workers):
             if not self.quiet:
                 print(f"recorded: ttwmr view {run}")
+        write_report(folder)  # anew, with links to them

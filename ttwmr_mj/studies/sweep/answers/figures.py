@@ -29,7 +29,7 @@ from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.studies.sweep.answers.findings import Along, Findings, Pair, Sensitivity
 from ttwmr_mj.studies.sweep.answers.maps import draw_map
 from ttwmr_mj.studies.sweep.answers.read import Sweep
-from ttwmr_mj.studies.sweep.answers.slices import OUTER, Group
+from ttwmr_mj.studies.sweep.answers.slices import OUTER, Group, Slicing
 from ttwmr_mj.studies.sweep.answers.tables import RULES
 from ttwmr_mj.studies.sweep.answers.words import Shown, parameter_label
 
@@ -50,6 +50,7 @@ VERDICT_COLOURS = {
     "failed": "#555555",
     "interrupted": "#AAAAAA",
 }
+BESIDE = 0.012  # of the range, between variants
 
 
 def write_sweep_figures(sweep: Sweep, findings: Findings, folder: Path) -> dict[str, Path]:
@@ -143,9 +144,9 @@ def _draw_along(figure: Figure, along: Along, shown: Shown) -> None:
     slicing, has_number = along.slicing, bool(shown.name)
     figure.set_size_inches(WIDTH_IN if has_number else 0.6 * WIDTH_IN, 3.1)
     panels: Sequence[Axes] = figure.subplots(1, 1 + has_number, squeeze=False)[0]
-    step = 0.12 / max(1, len(along.groups) - 1) if not slicing.numeric else 0.0
     for i, (name, found) in enumerate(along.groups.items()):
-        kept = [(x + i * step, g) for x, g in zip(slicing.places, found, strict=True) if g.runs]
+        places = _beside(slicing, i)
+        kept = [(x, g) for x, g in zip(places, found, strict=True) if g.runs]
         if not kept:
             continue
         x = np.array([place for place, _ in kept])
@@ -165,6 +166,16 @@ def _draw_along(figure: Figure, along: Along, shown: Shown) -> None:
         _place_axis(axes, along)
     if len(along.groups) > 1:
         legend_below(figure, columns=4, axes=panels[0])
+
+
+def _beside(slicing: Slicing, i: int) -> list[float]:
+    """Where the i-th variant is drawn: a little to the right, so that none hides another."""
+    places = np.array(slicing.places)
+    if not slicing.numeric:
+        return [float(place) for place in places + 0.08 * i]
+    if slicing.axis.logarithmic:
+        return [float(place) for place in places * (places.max() / places.min()) ** (BESIDE * i)]
+    return [float(place) for place in places + BESIDE * i * np.ptp(places)]
 
 
 def _place_axis(axes: Axes, along: Along) -> None:

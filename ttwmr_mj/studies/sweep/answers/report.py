@@ -38,13 +38,16 @@ def write_report(folder: Path) -> None:
     """Write report.html, figures/ and failed.csv into a sweep's folder.
 
     Args:
-        folder: holds plan.json and results.parquet. The same two give the same bytes.
+        folder: holds plan.json and results.parquet; the same two give the same bytes. Recordings in
+            it are linked.
     """
     sweep = Sweep.read(folder)
     findings = find(sweep)
     drawings = write_sweep_figures(sweep, findings, folder / "figures")
     _write_failed(sweep, folder / "failed.csv")
-    write_text(folder / "report.html", _page(sweep, findings, drawings))
+    recorded = sorted((folder / "recorded").glob("row-*/run.rrd"))
+    recordings = [(path.parent.name, path.relative_to(folder).as_posix()) for path in recorded]
+    write_text(folder / "report.html", _page(sweep, findings, drawings, recordings))
 
 
 def _write_failed(sweep: Sweep, path: Path) -> None:
@@ -74,7 +77,9 @@ def _plain(value: Any) -> Any:
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _page(sweep: Sweep, findings: Findings, drawings: dict[str, Path]) -> str:
+def _page(
+    sweep: Sweep, findings: Findings, drawings: dict[str, Path], recordings: list[tuple[str, str]]
+) -> str:
     shown, plan = Shown.of(sweep.headline), sweep.plan
     failed = sweep.where(sweep.failed)
     draws = len(np.unique(sweep.table["draw"]))
@@ -112,6 +117,7 @@ def _page(sweep: Sweep, findings: Findings, drawings: dict[str, Path]) -> str:
         failed_commands=[command(failed, i) for i in range(min(5, len(failed)))],
         most_failed=MOST_FAILED,
         examples=_examples(sweep),
+        recordings=recordings,
         plan_rows=plan_table(sweep),
         rules={name: VERDICTS[name] for name in reversed(VERDICTS)},
         level=round(100 * LEVEL),

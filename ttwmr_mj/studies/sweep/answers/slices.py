@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,8 +65,9 @@ class Slicing:
         """(n,) the part that each run is in."""
         column = sweep.table[self.axis.path]
         if not self.values:
-            return np.searchsorted(self.edges, column, side="right")
-        return np.argmax(np.stack([column == value for value in self.values]), axis=0)
+            return np.asarray(np.searchsorted(self.edges, column, side="right"))
+        parts = np.stack([column == value for value in self.values])
+        return np.asarray(np.argmax(parts, axis=0))
 
 
 @dataclass(frozen=True)
@@ -109,17 +111,21 @@ def groups(
 
 
 def explained(sweep: Sweep, slicing: Slicing) -> float:
-    """Share of the variance of who failed, or of ranks, that one parameter explains alone.
+    """Share of the variance within a variant that one parameter explains alone; mean of variants.
 
-    The larger of two correlation ratios, of the failures and of the headline's ranks, each less
-    what as many parts explain by chance (ε², Kelley 1935). It sorts parameters, no more.
+    Of who failed, or of the headline's ranks, whichever is larger: correlation ratios, less what as
+    many parts explain by chance (ε², Kelley 1935). It sorts parameters, no more.
     """
     from scipy.stats import rankdata
 
-    kinds = [sweep.failed.astype(float)]
+    kinds: list[Callable[[Sweep], np.ndarray]] = [lambda runs: runs.failed.astype(float)]
     if sweep.headline:
-        kinds.append(rankdata(sweep.numbers(sweep.headline)))
-    return max(_epsilon_squared(kind, slicing.which(sweep)) for kind in kinds)
+        kinds.append(lambda runs: np.asarray(rankdata(runs.numbers(sweep.headline))))
+    parts = [runs for runs in sweep.variants.values() if len(runs)]
+    return max(
+        float(np.mean([_epsilon_squared(of(runs), slicing.which(runs)) for runs in parts]))
+        for of in kinds
+    )
 
 
 def _epsilon_squared(values: np.ndarray, which: np.ndarray) -> float:

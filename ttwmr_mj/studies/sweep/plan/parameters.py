@@ -166,7 +166,7 @@ class Uniform(Parameter):
 
     def quantile(self, share: FloatArray) -> FloatArray:
         """Evenly."""
-        return self.low + (self.high - self.low) * share
+        return np.asarray(self.low + (self.high - self.low) * share)
 
 
 class LogUniform(Parameter):
