@@ -66,6 +66,7 @@ class Sweep(Quiet, name="sweep"):
             raise RunError("rows are recorded once all are there; join the parts first")
         if wish:
             self._record(plan, folder, wish)
+        self._conclude(plan, folder, part, complete)
         return 0
 
     def _plan(self) -> Plan:
@@ -142,26 +143,19 @@ class Sweep(Quiet, name="sweep"):
         return plan, self.out
 
     def _fill(self, plan: Plan, folder: Path, part: Part) -> bool:
-        """Compute what is missing; say what there is, and whether it is all."""
-        from ttwmr_mj.studies.sweep.execute import fill, report
+        """Compute what is missing; whether all is there."""
+        from ttwmr_mj.studies.sweep.execute import fill
         from ttwmr_mj.studies.sweep.progress import sweep_progress
 
         start, stop = part.rows(plan)
         try:
             with sweep_progress(plan.name, stop - start, self.quiet) as told:
-                complete = fill(
-                    plan, folder, self._compute(), part=part, chunk=self.chunk, told=told
-                )
-                if complete:
-                    report(folder)
+                return fill(plan, folder, self._compute(), part=part, chunk=self.chunk, told=told)
         except KeyboardInterrupt:
             again = shlex.join(command_line())
             raise RunError(
                 f"stopped; what is done is kept in {folder}. To go on: {again}"
             ) from None
-        if not self.quiet:
-            print(self._told(plan, folder, part, complete))
-        return complete
 
     def _compute(self) -> Compute:
         if self.scheduler:
@@ -172,22 +166,26 @@ class Sweep(Quiet, name="sweep"):
 
         return in_processes(self.workers)
 
-    def _told(self, plan: Plan, folder: Path, part: Part, complete: bool) -> str:
+    def _conclude(self, plan: Plan, folder: Path, part: Part, complete: bool) -> None:
+        """Write the report, if all rows are there; say what there is."""
+        from ttwmr_mj.studies.sweep.answers.report import write_report
         from ttwmr_mj.studies.sweep.folder.results import told_results
 
         if complete:
-            return told_results(plan, folder)
-        start, stop = part.rows(plan)
-        return (
-            f"{plan.name}: part {part.index}/{part.count}, rows {start} to {stop - 1}, is done in "
-            f"{folder}\njoin the parts: ttwmr sweep --merge DIR DIR ... --out DIR"
-        )
+            write_report(folder)
+            told = told_results(plan, folder)
+        else:
+            start, stop = part.rows(plan)
+            told = (
+                f"{plan.name}: part {part.index}/{part.count}, rows {start} to {stop - 1}, is done "
+                f"in {folder}\njoin the parts: ttwmr sweep --merge DIR DIR ... --out DIR"
+            )
+        if not self.quiet:
+            print(told)
 
     def _record(self, plan: Plan, folder: Path, wish: Wish) -> None:
-        from ttwmr_mj.studies.sweep.answers.report import write_report
         from ttwmr_mj.studies.sweep.record import record
 
         for run in record(plan, folder, wish, workers=self.workers):
             if not self.quiet:
                 print(f"recorded: ttwmr view {run}")
-        write_report(folder)  # anew, with links to them

@@ -14,7 +14,7 @@ from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
 from ttwmr_mj.studies.sweep.folder.lock import locked
 from ttwmr_mj.studies.sweep.folder.part import Part
-from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE, assemble, failures
+from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -61,17 +61,8 @@ def fill(
         if rows_done(folder, plan).all():
             if not (folder / RESULTS_FILE).is_file():
                 assemble(folder, plan)
-                (folder / REPORT_FILE).unlink(missing_ok=True)
             return True
     return False
-
-
-def report(folder: Path) -> None:
-    """Write the report on a complete table, unless it is there."""
-    if not (folder / REPORT_FILE).is_file():
-        from ttwmr_mj.studies.sweep.answers.report import write_report
-
-        write_report(folder)
 
 
 def _fill(
