@@ -174,7 +174,7 @@ def test_every_option_is_read_as_its_type(words: str) -> None:
 
 
 def test_no_subcommand_is_forgotten() -> None:
-    assert tuple(load_subcommands("ttwmr_mj.cli.commands")) == NAMES
+    assert tuple(sorted(load_subcommands("ttwmr_mj.cli.commands"))) == NAMES
     assert {type(wanted) for wanted in EVERYTHING.values()} == {
         *load_subcommands("ttwmr_mj.cli.commands").values()
     }
