@@ -21,6 +21,7 @@ from ttwmr_mj.cli.commands.export_schema import ExportSchema
 from ttwmr_mj.cli.commands.list import List
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
+from ttwmr_mj.cli.commands.sweep import Sweep
 from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
 from ttwmr_mj.cli.commands.video import VideoCommand
@@ -49,6 +50,23 @@ SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
+    "sweep a.toml --out o --dry-run --set a.b=1 --extend --shard 1/2 --merge p q --record median "
+    "--scheduler tcp://h:1 --workers 3 --chunk 4 --max-rows 5 --quiet --debug": Sweep(
+        sweep="a.toml",
+        out=Path("o"),
+        dry_run=True,
+        overrides=("a.b=1",),
+        extend=True,
+        shard="1/2",
+        merge=("p", "q"),
+        record="median",
+        scheduler="tcp://h:1",
+        workers=3,
+        chunk=4,
+        max_rows=5,
+        quiet=True,
+        debug=True,
+    ),
     f"run a.toml {SHARED} --out o --force --quiet --save-frames --paper-plots --require lost "
     "--live --pace 0.5 --debug": RunCommand(
         scenario="a.toml",
