@@ -50,7 +50,7 @@ class Setting(NamedTuple):
         }
 
 
-LIMIT = Setting("limit", timestep_s=2.5e-5, time_constant_s=5e-5, impedance_ratio=100.0)
+LIMIT = Setting("limit", timestep_s=5e-5, time_constant_s=1e-4, impedance_ratio=100.0)
 SETTINGS = (
     Setting(SHIPPED),
     Setting("step 1 ms, 2 ms", 1e-3, 2e-3),
