@@ -12,6 +12,7 @@ from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.controllers.lyapunov import Lyapunov
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import Hitch
 from ttwmr_mj.runs import loop
 from ttwmr_mj.runs.batch import batch_key, run_batch
 from ttwmr_mj.runs.execute import metrics_of, run_scenario
@@ -287,10 +288,12 @@ def test_an_interrupted_batch_leaves_nothing(monkeypatch: pytest.MonkeyPatch) ->
 
 
 def test_an_impossible_row_is_refused() -> None:
-    rows = [load_scenario("lab_circle", SHORT) for _ in range(2)]
-    train = rows[1].robot.model_copy(update={"trailers": rows[1].robot.trailers * 2})
-    rows[1] = rows[1].model_copy(update={"robot": train})
-    with pytest.raises(InputError, match="trailers"):
+    rows = [load_scenario("lab_circle", [*SHORT, "plant.kind='analytic'"]) for _ in range(2)]
+    stiff = Hitch(stiffness_n_m_rad=1e4)
+    rows[1] = rows[1].model_copy(
+        update={"robot": rows[1].robot.model_copy(update={"hitch": stiff})}
+    )
+    with pytest.raises(InputError, match="too stiff"):
         run_batch(rows)
 
 
