@@ -78,10 +78,7 @@ def _plain(value: Any) -> Any:
 
 
 def _page(
-    sweep: Sweep,
-    findings: Findings,
-    drawings: dict[str, Path],
-    recordings: list[tuple[str, str]],
+    sweep: Sweep, findings: Findings, drawings: dict[str, Path], recordings: list[tuple[str, str]]
 ) -> str:
     shown, plan = Shown.of(sweep.headline), sweep.plan
     failed = sweep.where(sweep.failed)
