@@ -108,7 +108,8 @@ def driven(setting: Setting, commands: FloatArray) -> tuple[FloatArray, float]:
     qpos, joints = alone.bind("qpos"), Joints(model)
     alone.reset()
     qpos[:] = plant.joint_positions()
-    time_s = setting.timestep_s * np.arange(1, round(EVERY_S / setting.timestep_s) + 1)
+    steps = np.arange(1, round(EVERY_S / setting.timestep_s) + 1, dtype=np.float64)
+    time_s = setting.timestep_s * steps
     setpoint, path, seconds = np.zeros((1, 2)), [], 0.0
     for command in commands:
         control = ramp(setpoint, command[None], servo, time_s)

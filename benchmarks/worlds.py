@@ -1,6 +1,6 @@
 """Tables of the documents, measured in the kind world and in that of the laboratory.
 
-    python benchmarks/worlds.py laws [--only TEXT] [--jobs 2]
+    python benchmarks/worlds.py laws [--only TEXT ...] [--worlds lab] [--jobs 2]
 
 Each cell is one run of a shipped scenario, seed 0, three times: in the kind world, with
 `world = "lab"` (docs/world.md), and there with a law that learns slope, rolling resistance and
@@ -114,12 +114,13 @@ def main() -> None:
     """Run a table and print its rows."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("table", choices=TABLES)
-    parser.add_argument("--only", default="", help="rows whose name contains this")
+    parser.add_argument("--only", nargs="+", default=[""], help="rows that contain one of these")
     parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=list(WORLDS))
     parser.add_argument("--jobs", type=int, default=2)
     options = parser.parse_args()
     table = TABLES[options.table]
-    rows = {name: cells for name, cells in table.rows.items() if options.only in name}
+    names = [name for name in table.rows if any(part in name for part in options.only)]
+    rows = {name: table.rows[name] for name in names}
     heads = [f"{head}: {world}" for head in table.heads for world in options.worlds]
     asked = {
         (name, i, world): (scenario, cell.measured)

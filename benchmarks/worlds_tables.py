@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from ttwmr_mj.assets import shipped_scenarios
+
 
 class Cell(NamedTuple):
     """One number of a table."""
@@ -221,7 +223,14 @@ def _floor() -> Table:
     return Table(("told, F (P)", "untold, F (P)", "untold, analytic plant, F"), rows)
 
 
+def _verdicts() -> Table:
+    """Every shipped scenario that has a reference."""
+    names = [name for name in shipped_scenarios() if name != "open_loop_turn"]
+    return Table(("F (P)",), {f"`{name}`": [Cell(name, (), "FP")] for name in names})
+
+
 TABLES = {
+    "verdicts": _verdicts(),
     "readme": _readme(),
     "laws": _laws(),
     "rest": _rest(),

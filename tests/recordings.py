@@ -12,9 +12,10 @@ import mujoco
 import numpy as np
 import pyarrow as pa
 
-from ttwmr_mj.plants.contact import CONTACTS, ContactPlant
+from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.names import CONTACTS
 from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.shared.path import ReferencePath

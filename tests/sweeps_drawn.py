@@ -64,7 +64,8 @@ def drawn_sweep(
         "samples": samples, "sampling_seed": 0, "sensitivity": sensitivity,
         "parameters": {p: {"axis": axes.index(p), "kind": "x", **parameters[p]} for p in axes},
         "variants": {name: [f"controller.kind={name}"] for name in variants},
-        "headline_metric": headline, "digest": "0123456789abcdef", "rows": row + 1,
+        "headline_metric": headline, "timeout_s": 300.0, "rows": row + 1,
+        "digest": "0123456789abcdef",
         "sensitivity_design": {"base_samples": samples, "sets": sets} if sensitivity else None,
     }  # fmt: skip
     (folder / "plan.json").write_text(json.dumps(plan))

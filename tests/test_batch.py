@@ -98,6 +98,7 @@ CASES: dict[str, tuple[str, list[str], dict[str, tuple[float, float]]]] = {
     ),
     "flatness": ("inverted_trailer", ["controller.recovery='own'"], CHANNELS),
     "torque": ("inverted_trailer_torque", ["controller.recovery='own'"], {}),
+    "computed torque": ("lab_circle", ["control.inner_loop='computed_torque'"], LYAPUNOV),
     "analytic": (
         "lab_circle",
         ["plant.kind='analytic'"],

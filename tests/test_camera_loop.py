@@ -130,7 +130,7 @@ def test_the_recording_shows_what_the_camera_saw(tmp_path: Path) -> None:
         assert samples - 2 <= rows(f"/camera/picture/{entity}") <= samples
     # one picture in three
     assert (samples - 2) // 3 <= rows("/camera/picture") <= samples // 3 + 1
-    assert rows("/flags/tracker") >= 1
+    assert rows("/tracker") >= 1
 
 
 @pytest.mark.slow

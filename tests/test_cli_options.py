@@ -39,6 +39,7 @@ NAMES = (
     "list",
     "reproduce",
     "run",
+    "sweep",
     "track",
     "validate",
     "video",

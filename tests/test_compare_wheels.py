@@ -13,7 +13,7 @@ from test_compare import TURN, open_loop
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.motion import ContactRun, follow_wheels, run_contact
-from ttwmr_mj.studies.compare.shooting import VARIANTS, shoot
+from ttwmr_mj.studies.compare.shooting import shoot
 
 SHORT = ((0.2, 5.0, 5.0), (0.3, 5.6, 3.2))
 
@@ -101,7 +101,8 @@ def test_the_wheels_turn_as_far_as_in_contact_physics() -> None:
 def test_a_smooth_motion_is_shot_without_marching() -> None:
     """A pendulum of 200 stretches whose guess is at rest; one parameter is its strength."""
     asked: list[slice] = []
-    strength = np.array([0.1] * VARIANTS + [0.1 + 1e-4])[:, None]
+    variants = 4  # as it is, and each of θ1, θ2, θ̇2 a little different
+    strength = np.array([0.1] * variants + [0.1 + 1e-4])[:, None]
 
     def ends(states: FloatArray, which: slice) -> FloatArray:
         asked.append(which)
@@ -114,7 +115,7 @@ def test_a_smooth_motion_is_shot_without_marching() -> None:
     guess[0] = start = np.array([1.0, 2.0, 0.3, 0.8, 0.0])
     states, slope = shoot(ends, guess, 1)
     assert asked == [slice(None)] * len(asked)
-    marched = [np.tile(start, (VARIANTS + 1, 1, 1))]
+    marched = [np.tile(start, (variants + 1, 1, 1))]
     for _ in range(200):
         marched.append(ends(marched[-1], slice(0)))
     exact = np.array(marched)[:, :, 0]

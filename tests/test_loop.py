@@ -58,7 +58,8 @@ def test_signals_are_rows_of_every_simulation() -> None:
 
 
 def test_signals_reach_every_file_of_a_run(tmp_path: Path) -> None:
-    run = tt.run(scenario(), tmp_path / "out", scenario_folder=HERE)
+    plotted = scenario(output={"paper_plots": True})
+    run = tt.run(plotted, tmp_path / "out", scenario_folder=HERE)
     assert run.outcome.status == "ok"
     expected = 10.0 * np.arange(10)
     table = pq.read_table(run.folder / "trajectory.parquet")

@@ -25,6 +25,7 @@ def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
         f"processors: {os.cpu_count()}",
         "Libraries",
         "OpenGL, to render camera frames (not needed with truth sensing)",
+        "Display, for windows (not needed to record)",
         "Vulkan, for the Rerun viewer (not needed to record)",
     ]
 

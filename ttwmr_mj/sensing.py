@@ -57,7 +57,7 @@ class TruthSensing(SensingOptions):
         default=0.0, description="standard deviation of the noise in x and y; typically 0.001"
     )
     angle_noise_rad: UpTo10 = Field(
-        default=0.0, description="standard deviation of the noise in both angles; typically 0.001"
+        default=0.0, description="standard deviation of the noise in all angles; typically 0.001"
     )
     velocity_noise_m_s: UpTo10 = Field(
         default=0.0, description="standard deviation of the noise in P's velocity; typically 0.001"
@@ -66,7 +66,7 @@ class TruthSensing(SensingOptions):
         default=0.0,
         ge=0,
         le=100,
-        description="standard deviation of the noise in both angular rates; typically 0.01",
+        description="standard deviation of the noise in all angular rates; typically 0.01",
     )
 
 
@@ -82,7 +82,7 @@ class Estimate:
     """The state as the controller knows it.
 
     Attributes:
-        state: estimated q and rates, (nsim, 4) each.
+        state: estimated q and rates, (nsim, 3 + n) each.
         age_s: (nsim,) time since the state it describes; 0 where latency is compensated.
         valid: (nsim,) False while the estimate is invalid, as of a camera that sees no labels.
         labels_found: (nsim,) labels the camera found; NaN without a camera.
@@ -200,7 +200,7 @@ class TruthSensor(Sensor):
         self._rngs = rngs
         self._noise = each(_noise_std, options)
         self._noisy = bool(self._noise.any())
-        self._drawn: FloatArray = np.zeros((len(rngs), 0, 2, 4))  # (nsim, NOISE_BLOCK, 2, 4)
+        self._drawn: FloatArray = np.zeros(0)  # (nsim, NOISE_BLOCK, 2, 3 + n)
         self._fresh = np.zeros(len(rngs))
         self._valid = np.ones(len(rngs), dtype=np.bool_)
         self._no_labels = np.full(len(rngs), np.nan)
@@ -210,7 +210,9 @@ class TruthSensor(Sensor):
         """Measure the true state; every simulation has its own noise."""
         self._k += 1
         if self._noisy:
-            noise = self._white() * self._noise
+            width = truth.q.shape[1]
+            # further trailers are measured as the first
+            noise = self._white(width) * self._noise[..., [*range(4), *[3] * (width - 4)]]
             truth = RobotState(q=truth.q + noise[:, 0], q_rate=truth.q_rate + noise[:, 1])
         if self._queue.is_direct:
             return Estimate(truth, self._fresh, self._valid, self._no_labels)
@@ -219,11 +221,11 @@ class TruthSensor(Sensor):
         # a stamp of the future is taken for now
         return Estimate(self._arrived(arrived), np.maximum(age, 0.0), self._valid, self._no_labels)
 
-    def _white(self) -> FloatArray:
-        """(nsim, 2, 4) of this sample, drawn in blocks: one after the other is the same."""
+    def _white(self, width: int) -> FloatArray:
+        """(nsim, 2, width) of this sample, drawn in blocks: one after the other is the same."""
         at = self._k % NOISE_BLOCK
         if at == 0:
-            size = (NOISE_BLOCK, 2, 4)
+            size = (NOISE_BLOCK, 2, width)
             self._drawn = np.stack([rng.standard_normal(size) for rng in self._rngs])
         return self._drawn[:, at]
 

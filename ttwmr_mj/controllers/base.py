@@ -105,6 +105,7 @@ class ControllerOptions(Config):
     Attributes:
         law: what is made of the options; or override `make`.
         needs_reference: whether there must be something to follow.
+        tows_trains: whether the law can drive a tractor with more than one trailer.
         takes_stacks: whether one law can drive simulations that differ in numbers of options,
             robot, ground and reference: it is then made of stacked ones (`config.Stack`). Others
             are started for each set of such numbers, and drive all simulations that share it.
@@ -115,6 +116,7 @@ class ControllerOptions(Config):
     law: ClassVar[type[Law[Any]]]
     needs_reference: ClassVar[bool] = True
     takes_stacks: ClassVar[bool] = False
+    tows_trains: ClassVar[bool] = False
     alone: ClassVar[bool] = False
 
     def make(self, folder: Path) -> Controller:

@@ -136,6 +136,7 @@ class LyapunovOptions(ControllerOptions):
 
     law = Lyapunov
     takes_stacks: ClassVar[bool] = True
+    tows_trains: ClassVar[bool] = True
     kind: Literal["lyapunov"] = "lyapunov"
     alpha1: float = Field(
         default=25.0, gt=0, le=1e6, description="gain α1 of the error e1 = x − x_d; Table II: 25"

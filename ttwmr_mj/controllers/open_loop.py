@@ -71,6 +71,7 @@ class OpenLoopOptions(ControllerOptions):
 
     law = OpenLoop
     takes_stacks: ClassVar[bool] = True
+    tows_trains: ClassVar[bool] = True
     kind: Literal["open_loop"] = "open_loop"
     needs_reference: ClassVar[bool] = False
     segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)] = Field(

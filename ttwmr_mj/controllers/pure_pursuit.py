@@ -57,6 +57,7 @@ class PurePursuitOptions(ControllerOptions):
 
     law = PurePursuit
     takes_stacks: ClassVar[bool] = True
+    tows_trains: ClassVar[bool] = True
     kind: Literal["pure_pursuit"] = "pure_pursuit"
     preview_s: float = Field(
         default=0.5,

@@ -31,6 +31,7 @@ from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
 from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
 from ttwmr_mj.controllers.shared.riccati import apply
 from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem
+from ttwmr_mj.controllers.shared.train_tracking import TrainTracking
 from ttwmr_mj.dynamics.influence import DRY, VISCOUS
 from ttwmr_mj.dynamics.sampled import SLIP
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -43,6 +44,10 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
 
     def start(self, task: Task) -> None:
         """Fit the reference and compute the gains."""
+        self._train: TrainTracking | None = None
+        if len(task.robot.trailers) > 1:
+            self._train = TrainTracking(self._options, task)
+            return
         super().start(task)
         robot, weights, learns = self._robot, self._options.weights, self._learns
         smooth, free = self._friction.planning(self._period), self._friction.free(self._period)
@@ -68,6 +73,8 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """ū + K·(x − x̄), or what leads back, within the servos' limits."""
+        if self._train is not None:
+            return self._train.command(k, estimate)
         now = self._observer.update(estimate)
         k = self._since_plan(k, now)
         viscous = self._influence_planned[:, VISCOUS]
@@ -87,5 +94,6 @@ class TvlqrOptions(TrackingOptions):
     """Time-varying LQR along any feasible reference; steers the trailer."""
 
     law: ClassVar[type[Law[Any]]] = Tvlqr
+    tows_trains: ClassVar[bool] = True
     kind: Literal["tvlqr"] = "tvlqr"
     recovery: RecoveryKind = "mpc"

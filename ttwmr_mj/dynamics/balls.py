@@ -7,11 +7,12 @@ Both act at its point of contact, against the ball's velocity over the floor, wh
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.kinematics import Value, to_body
+from ttwmr_mj.dynamics.kinematics import Value, to_body, to_world
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -19,28 +20,36 @@ FADING_M_S = 1e-4  # resistance fades below this speed, where its direction is u
 
 
 class Forces(NamedTuple):
-    """Against the motion of the nose's ball and of the trailer's; one each, or (nsim,) [N]."""
+    """Against the motion of the nose's ball and of one trailer's; one each, or (nsim,) [N]."""
 
     nose: Value
     right: Value
     left: Value
 
 
-def ball_loads(robot: RobotParameters, weight_m_s2: float) -> tuple[float, float, float]:
-    """Loads [N] of the nose's ball and of the first trailer's (right, left), standing.
+def ball_loads(
+    robot: RobotParameters, weight_m_s2: float, index: int = 0
+) -> tuple[float, float, float]:
+    """Loads [N] of the nose's ball and of a trailer's (right, left), standing; 0: the first.
 
-    The trailer's balls are beside its COM and carry it alone.
+    A trailer's balls are beside its COM and carry it alone.
     """
-    tractor, trailer = robot.tractor, robot.trailer
+    tractor, trailer = robot.tractor, robot.trailers[index]
     nose = tractor.mass_kg * tractor.com_offset_m / robot.casters.tractor_position_m
     aside = 0.5 * trailer.com_lateral_m / robot.casters.trailer_half_spacing_m
     weight = trailer.mass_kg * weight_m_s2
     return nose * weight_m_s2, (0.5 - aside) * weight, (0.5 + aside) * weight
 
 
-def held_back(robot: RobotParameters, lever_m: Value, weight_m_s2: float) -> Forces:
-    """Forces [N] that hold back the nose's ball and the trailer's (right, left) as they roll."""
-    return Forces(*(resistance(robot, lever_m, n) for n in ball_loads(robot, weight_m_s2)))
+def held_back(robot: RobotParameters, lever_m: Value, weight_m_s2: float, index: int = 0) -> Forces:
+    """Forces [N] that hold back the nose's ball and a trailer's (right, left) as they roll."""
+    return Forces(*(resistance(robot, lever_m, n) for n in ball_loads(robot, weight_m_s2, index)))
+
+
+def all_held_back(robot: RobotParameters, weight_m_s2: float) -> tuple[Forces, ...]:
+    """The same of every trailer, front to back, with the robot's own lever."""
+    lever = robot.casters.rolling_resistance_m
+    return tuple(held_back(robot, lever, weight_m_s2, i) for i in range(len(robot.trailers)))
 
 
 def resistance(robot: RobotParameters, lever_m: Value, load_n: float) -> Value:
@@ -87,6 +96,46 @@ def torque_about_p(
         ahead, left = direction(along_m_s - side * theta2_rate, across_m_s, fading_m_s)
         torque += force * (length * left + side * ahead)
     return torque
+
+
+def train_drag(
+    angle_rad: FloatArray,
+    rate_rad_s: FloatArray,
+    speed_m_s: FloatArray,
+    robot: RobotParameters,
+    forces: Sequence[Forces],
+    fading_m_s: float = FADING_M_S,
+) -> tuple[FloatArray, FloatArray]:
+    """What the balls of all trailers do to P and to the trailers.
+
+    Args:
+        angle_rad: (..., n) of the trailers on the tractor: θ2 − θ1, θ3 − θ1, …
+        rate_rad_s: (..., n) θ̇2, θ̇3, …
+        speed_m_s: (...) of P, along the tractor.
+        robot: where its balls and hitches are.
+        forces: of each trailer's balls.
+        fading_m_s: a slower ball is held back by less.
+
+    Returns:
+        (...) force on P along the tractor [N], (..., n) generalized torques on θ2, θ3, … [N·m].
+    """
+    pull, torque = np.zeros_like(speed_m_s), np.zeros_like(angle_rad)
+    spacing, velocity = robot.casters.trailer_half_spacing_m, (speed_m_s, np.zeros_like(speed_m_s))
+    for i, trailer in enumerate(robot.trailers):
+        angle, rate = angle_rad[..., i], rate_rad_s[..., i]
+        length, reach = trailer.com_offset_m, trailer.next_hitch_offset_m or 0.0
+        along, across = to_body(angle, *velocity)
+        for side, force in ((-spacing, forces[i].right), (spacing, forces[i].left)):
+            ahead, left = direction(along - side * rate, across - length * rate, fading_m_s)
+            x, y = to_world(angle, ahead, left)
+            pull = pull - force * x
+            torque[..., i] += force * (length * left + side * ahead)
+            for k, before in enumerate(robot.trailers[:i]):
+                lever = before.next_hitch_offset_m or 0.0
+                torque[..., k] += force * lever * to_body(angle_rad[..., k], x, y)[1]
+        swept = to_world(angle, np.zeros_like(rate), reach * rate)
+        velocity = velocity[0] - swept[0], velocity[1] - swept[1]
+    return pull, torque
 
 
 def direction(

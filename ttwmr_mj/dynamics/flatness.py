@@ -9,6 +9,13 @@ and every derivative follows from derivatives of F: those of θ2 and P of order 
 n + 2. The sign of a is a free choice: a > 0 has P ahead of F in the direction of its acceleration
 (on a circle: the trailer outside P), a < 0 behind it (the trailer inside, unstable).
 
+A train is flat where every trailer but the last tows the next at its own centre of oscillation,
+d = k. A trailer moves like two points: the mass m·l/k at its centre of oscillation O and the rest
+at its hitch, the one before's O. With M_i what is lumped at O_i, the rod that is left of trailer i
+carries the force Σ_j≥i M_j·O_j'', and that along itself: front to back O_i−1 = O_i + k_i·t_i with
+t_i the direction of ± that force, from the last O, the flat output, to P = O_0. Each trailer takes
+two derivatives, and each has a sign.
+
 Plane vectors are treated as complex numbers: with z = e^(L), the derivatives of L = ln|z| + i·arg z
 follow from those of z by Leibniz' rule, and back. All functions work over leading axes.
 """
@@ -24,6 +31,8 @@ from ttwmr_mj.state import THETA2, FloatArray
 
 ComplexArray = NDArray[np.complex128]
 
+FLAT_TOLERANCE = 1e-3
+
 
 class FlatMotion(NamedTuple):
     """The robot's motion behind a path of F; m is the number of derivatives of F given, with F.
@@ -31,51 +40,87 @@ class FlatMotion(NamedTuple):
     Angles are in (−π, π], not unwrapped.
     """
 
-    position: FloatArray  # (..., m − 2, 2) P and its derivatives [m, m/s, ...]
-    theta1: FloatArray  # (..., m − 3) θ1 and its derivatives [rad, rad/s, ...]
-    theta2: FloatArray  # (..., m − 2) θ2 and its derivatives [rad, rad/s, ...]
+    position: FloatArray  # (..., m − 2n, 2) P and its derivatives [m, m/s, ...]
+    theta1: FloatArray  # (..., m − 2n − 1) θ1 and its derivatives [rad, rad/s, ...]
+    trailers: tuple[FloatArray, ...]  # (..., m − 2n or more) θ2, θ3, … and their derivatives
     twist: FloatArray  # (..., 2) u1 [m/s] (never negative), u2 [rad/s]
-    along: FloatArray  # (...) a, the acceleration of F along t [m/s²]
+    along: FloatArray  # (...) a of the last trailer, the acceleration of F along t [m/s²]
+
+    @property
+    def theta2(self) -> FloatArray:
+        """The first trailer's angle and its derivatives."""
+        return self.trailers[0]
 
 
 def motion_from_flat(
     flat: FloatArray,
-    sign: FloatArray | float,
+    sign: FloatArray | float | tuple[float, ...],
     robot: RobotParameters,
     pull: FloatArray | None = None,
 ) -> FlatMotion:
-    """P, θ1, θ2 and their derivatives from F and its derivatives.
+    """P, θ1, θ2, … and their derivatives from F and its derivatives.
 
-    What accelerates F beside the hitch (gravity on a slope, balls that resist) comes off F'': then
-    it is F'' − pull that points along the trailer.
+    What accelerates F beside the hitch (gravity on a slope; of one trailer, balls that resist)
+    comes off F'': then it is F'' − pull that points along the trailer.
 
     Args:
-        flat: (..., m, 2) F and its derivatives by time, m ≥ 5; F'' must not vanish, nor P'.
-        sign: of a: +1 for the trailer outside of a circle, −1 for inside; one or (...).
-        robot: its swing length k.
+        flat: (..., m, 2) F of the last trailer and its derivatives by time, m ≥ 3 + 2n; no force
+            may vanish, nor P'.
+        sign: of a: +1 for the trailer outside of a circle, −1 for inside; one or (...). Of
+            several trailers one for each, front to back.
+        robot: its trailers; several must be coupled at centres of oscillation (`is_flat`).
         pull: (..., m − 2, 2) that acceleration and its derivatives; None: there is none.
 
     Returns:
         the motion, as far as the derivatives reach.
     """
+    signs = sign if isinstance(sign, tuple) else (sign,)
     given = _complex(flat)
-    points = np.moveaxis(given, -1, 0)
-    bent = given[..., 2:] if pull is None else given[..., 2:] - _complex(pull)
-    pulled = np.moveaxis(bent, -1, 0)
-    trailer = _logarithm(sign * pulled)
-    direction = _turning(trailer.imag)
-    theta2 = trailer.imag
-    theta2[0] += robot.lean_rad
-    position = points[:-2] + robot.swing_length_m * direction
-    tractor = _logarithm(position[1:])
-    theta1 = tractor.imag
+    position, pulled = np.moveaxis(given, -1, 0), None
+    if pull is not None:
+        pulled = np.moveaxis(np.broadcast_to(_complex(pull), given[..., 2:].shape), -1, 0)
+    masses = lumped_masses(robot)
+    force = np.zeros_like(position)
+    angles: list[FloatArray] = []
+    for i in range(len(masses) - 1, -1, -1):
+        bent = position[2:] if pulled is None else position[2:] - pulled[: len(position) - 2]
+        # in units of the last mass, so that a lone trailer's force is F'' itself
+        share = masses[i] / masses[-1]
+        force = bent if i == len(masses) - 1 else force[: len(bent)] + share * bent
+        turn = _logarithm(signs[i] * force)
+        if not angles:
+            along = signs[i] * np.abs(force[0])
+        position = position[:-2] + robot.trailers[i].swing_length_m * _turning(turn.imag)
+        turn.imag[0] += robot.trailers[i].lean_rad
+        angles.append(np.moveaxis(turn.imag, 0, -1))
+    theta1 = _logarithm(position[1:]).imag
     return FlatMotion(
         position=_plane(np.moveaxis(position, 0, -1)),
         theta1=np.moveaxis(theta1, 0, -1),
-        theta2=np.moveaxis(theta2, 0, -1),
+        trailers=tuple(reversed(angles)),
         twist=np.stack([np.abs(position[1]), theta1[1]], axis=-1),
-        along=sign * np.abs(pulled[0]),
+        along=along,
     )
+
+
+def is_flat(robot: RobotParameters) -> bool:
+    """Whether every hitch behind a trailer is at that trailer's centre of oscillation.
+
+    To a thousandth of its distance. Their loads must then be on their axes.
+    """
+    return all(
+        abs((trailer.next_hitch_offset_m or 0.0) / trailer.swing_length_m - 1.0) < FLAT_TOLERANCE
+        and trailer.com_lateral_m == 0.0
+        for trailer in robot.trailers[:-1]
+    )
+
+
+def lumped_masses(robot: RobotParameters) -> tuple[float, ...]:
+    """M_i [kg] at each trailer's centre of oscillation, front to back, of a train that is flat."""
+    shares = [trailer.com_distance_m / trailer.swing_length_m for trailer in robot.trailers]
+    behind = [t.mass_kg * (1.0 - share) for t, share in zip(robot.trailers, shares, strict=True)]
+    own = (t.mass_kg * share for t, share in zip(robot.trailers, shares, strict=True))
+    return tuple(map(sum, zip(own, [*behind[1:], 0.0], strict=True)))
 
 
 def centre_derivatives(
@@ -96,6 +141,17 @@ def point_behind(q: FloatArray, distance_m: float, lean_rad: float = 0.0) -> Flo
     """
     along, _ = trailer_axes(q[..., THETA2] - lean_rad)
     return q[..., :2] - distance_m * along
+
+
+def trailer_point(
+    q: FloatArray, robot: RobotParameters, distance_m: float, lean_rad: float = 0.0, index: int = -1
+) -> FloatArray:
+    """(..., 2) the same of any trailer (−1: the last), at hitch − distance·t [m]."""
+    index = index % len(robot.trailers)
+    hitch = q[..., :2]
+    for i, trailer in enumerate(robot.trailers[:index]):
+        hitch = hitch - (trailer.next_hitch_offset_m or 0.0) * trailer_axes(q[..., THETA2 + i])[0]
+    return hitch - distance_m * trailer_axes(q[..., THETA2 + index] - lean_rad)[0]
 
 
 def velocity_behind(

@@ -6,28 +6,40 @@ not ẍ, and the second and third bias terms miss the factor ṡ. `reduced_bias`
 
 Generalized forces: f pushes P along the heading, τ turns the tractor, λ acts along Aᵀ (Eq. 18,
 positive to the tractor's right; Eq. 11 has the opposite sign of λ). A hitch torque T turns the
-trailer by +T and the tractor by −T. On a floor that slopes, gravity adds G(q) to the left side of
+trailer by +T and what tows it by −T. On a floor that slopes, gravity adds G(q) to the left side of
 Eq. 18.
 
-All functions work over any leading axes, SI units. Everywhere, q and q_rate (..., 4) are the
-generalized coordinates and their rates, workspace_rate (..., 3) is ξ̇ = (ṡ, θ̇1, θ̇2), and robot
-gives masses, inertias and offsets of Table I.
+All functions work over any leading axes, SI units. Everywhere, q and q_rate (..., 3 + n) are the
+generalized coordinates and their rates, workspace_rate (..., 2 + n) is ξ̇ = (ṡ, θ̇1, θ̇2, …), and
+robot gives masses, inertias and offsets of Table I. The article has one trailer, n = 1; what more
+of them add to Eq. 18 and 23 is in `train`.
 """
+
+from collections.abc import Iterator
 
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import constraint_matrix, null_space, null_space_rate, to_body
+from ttwmr_mj.dynamics.train import Link, links, on_trailers, swing_bias, swing_matrix
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 
 def first_moments(robot: RobotParameters) -> tuple[float, float]:
-    """m1·a1 of the tractor and m2·l of the trailer about P [kg·m].
+    """m1·a1 of the tractor and m2·l of the first trailer about P [kg·m], with what it tows.
 
-    The trailer's acts at θ2 − β, the direction of its COM (`robot.lean_rad`).
+    The trailer's acts at θ2 − β, the direction of its COM (`train.Link`).
     """
-    tractor, trailer = robot.tractor, robot.trailer
-    return tractor.mass_kg * tractor.com_offset_m, trailer.mass_kg * trailer.com_distance_m
+    tractor = robot.tractor
+    return tractor.mass_kg * tractor.com_offset_m, links(robot)[0].moment_kg_m
+
+
+def total_mass(robot: RobotParameters) -> float:
+    """Of the tractor and all trailers [kg]."""
+    mass = robot.tractor.mass_kg
+    for trailer in robot.trailers:
+        mass = mass + trailer.mass_kg
+    return mass
 
 
 def kinetic_energy(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArray:
@@ -36,70 +48,85 @@ def kinetic_energy(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) ->
 
 
 def mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """M(q) of Eq. 18, (..., 4, 4) [kg, kg·m, kg·m²], symmetric positive definite."""
-    nose, tail = first_moments(robot)
-    theta1, theta2 = q[..., THETA1], q[..., THETA2] - robot.lean_rad
-    M = np.zeros((*q.shape[:-1], 4, 4))
-    M[..., 0, 0] = M[..., 1, 1] = robot.tractor.mass_kg + robot.trailer.mass_kg
+    """M(q) of Eq. 18, (..., 3 + n, 3 + n) [kg, kg·m, kg·m²], symmetric positive definite."""
+    nose, _ = first_moments(robot)
+    theta1 = q[..., THETA1]
+    M = np.zeros((*q.shape, q.shape[-1]))
+    M[..., 0, 0] = M[..., 1, 1] = total_mass(robot)
     M[..., 0, 2] = M[..., 2, 0] = -nose * np.sin(theta1)
     M[..., 1, 2] = M[..., 2, 1] = nose * np.cos(theta1)
-    M[..., 0, 3] = M[..., 3, 0] = tail * np.sin(theta2)
-    M[..., 1, 3] = M[..., 3, 1] = -tail * np.cos(theta2)
     M[..., 2, 2] = _yaw_inertia(robot)
-    M[..., 3, 3] = robot.swing_inertia_kg_m2
+    M[..., THETA2:, THETA2:] = swing_matrix(q[..., THETA2:], robot)
+    for i, link in _columns(robot):
+        angle = q[..., i] - link.lean_rad
+        M[..., 0, i] = M[..., i, 0] = link.moment_kg_m * np.sin(angle)
+        M[..., 1, i] = M[..., i, 1] = -link.moment_kg_m * np.cos(angle)
     return M
 
 
 def bias(q: FloatArray, q_rate: FloatArray, robot: RobotParameters) -> FloatArray:
-    """V(q, q̇) of Eq. 18, (..., 4) [N, N, N·m, N·m]: centripetal terms of Eq. 14-15, no torques."""
-    nose, tail = first_moments(robot)
-    forward, backward = nose * q_rate[..., THETA1] ** 2, tail * q_rate[..., THETA2] ** 2
-    theta1, theta2 = q[..., THETA1], q[..., THETA2] - robot.lean_rad
+    """V(q, q̇) of Eq. 18, (..., 3 + n) [N, N, N·m, …]: centripetal terms of Eq. 14-15, no torques.
+
+    With n > 1 also what the trailers do to each other as they turn.
+    """
+    nose, _ = first_moments(robot)
+    forward, theta1 = nose * q_rate[..., THETA1] ** 2, q[..., THETA1]
     V = np.zeros_like(q)
-    V[..., 0] = backward * np.cos(theta2) - forward * np.cos(theta1)
-    V[..., 1] = backward * np.sin(theta2) - forward * np.sin(theta1)
+    for i, link in _columns(robot):
+        backward, angle = link.moment_kg_m * q_rate[..., i] ** 2, q[..., i] - link.lean_rad
+        V[..., 0] += backward * np.cos(angle)
+        V[..., 1] += backward * np.sin(angle)
+    V[..., 0] -= forward * np.cos(theta1)
+    V[..., 1] -= forward * np.sin(theta1)
+    V[..., THETA2:] = swing_bias(q[..., THETA2:], q_rate[..., THETA2:], robot)
     return V
 
 
 def gravity(q: FloatArray, gravity_m_s2: FloatArray, robot: RobotParameters) -> FloatArray:
-    """G(q) of the nomenclature, (..., 4) [N, N, N·m, N·m]: the gradient of −Σ m·g_p·r, r the COMs.
+    """G(q) of the nomenclature, (..., 3 + n) [N, N, N·m, …]: the gradient of −Σ m·g_p·r of COMs r.
 
     The pull g_p along the floor is (..., 2), world frame. Beside Eq. 18's V it stands on the left:
     M·q̈ + V + G.
     """
-    nose, tail = first_moments(robot)
+    nose, _ = first_moments(robot)
     x, y = np.moveaxis(np.asarray(gravity_m_s2), -1, 0)
     G = np.zeros_like(q)
-    mass = robot.tractor.mass_kg + robot.trailer.mass_kg
+    mass = total_mass(robot)
     G[..., 0], G[..., 1] = -mass * x, -mass * y
     G[..., 2] = -nose * to_body(q[..., THETA1], x, y)[1]
-    G[..., 3] = tail * to_body(q[..., THETA2] - robot.lean_rad, x, y)[1]
+    for i, link in _columns(robot):
+        G[..., i] = link.moment_kg_m * to_body(q[..., i] - link.lean_rad, x, y)[1]
     return G
 
 
 def input_matrix(q: FloatArray) -> FloatArray:
-    """E(q) of Eq. 18, (..., 4, 2): generalized forces of f [N] and τ [N·m]."""
+    """E(q) of Eq. 18, (..., 3 + n, 2): generalized forces of f [N] and τ [N·m]."""
     return null_space(q)[..., :2]
 
 
 def reduced_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """SᵀMS of Eq. 23, (..., 3, 3), over the accelerations (s̈, θ̈1, θ̈2)."""
-    _, tail = first_moments(robot)
-    mass = np.zeros((*q.shape[:-1], 3, 3))
-    mass[..., 0, 0] = robot.tractor.mass_kg + robot.trailer.mass_kg
-    mass[..., 0, 2] = mass[..., 2, 0] = tail * np.sin(_load_angle(q, robot))
+    """SᵀMS of Eq. 23, (..., 2 + n, 2 + n), over the accelerations (s̈, θ̈1, θ̈2, …)."""
+    width = q.shape[-1] - 1
+    mass = np.zeros((*q.shape[:-1], width, width))
+    mass[..., 0, 0] = total_mass(robot)
     mass[..., 1, 1] = _yaw_inertia(robot)
-    mass[..., 2, 2] = robot.swing_inertia_kg_m2
+    mass[..., 2:, 2:] = swing_matrix(q[..., THETA2:], robot)
+    for i, link in _columns(robot):
+        coupling = link.moment_kg_m * np.sin(_load_angle(q, i, link))
+        mass[..., 0, i - 1] = mass[..., i - 1, 0] = coupling
     return mass
 
 
 def reduced_bias(q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters) -> FloatArray:
-    """Sᵀ(M·Ṡ·ξ̇ + V), the bias that Eq. 23 should have, (..., 3) [N, N·m, N·m].
+    """Sᵀ(M·Ṡ·ξ̇ + V), the bias that Eq. 23 should have, (..., 2 + n) [N, N·m, N·m, …].
 
-    (−m1·a1·θ̇1² + m2·l·cos(θ2−θ1)·θ̇2², m1·a1·ṡ·θ̇1, −m2·l·cos(θ2−θ1)·ṡ·θ̇1)
+    (−m1·a1·θ̇1² + m2·l·cos(θ2−θ1)·θ̇2², m1·a1·ṡ·θ̇1, −m2·l·cos(θ2−θ1)·ṡ·θ̇1) for one trailer; more
+    of them add to each other's rows what `train` has of it.
     """
     reduced = published_bias(q, workspace_rate, robot)
     reduced[..., 1:] *= workspace_rate[..., :1]
+    if len(robot.trailers) > 1:
+        reduced[..., 2:] += swing_bias(q[..., THETA2:], workspace_rate[..., 2:], robot)
     return reduced
 
 
@@ -109,11 +136,16 @@ def published_bias(q: FloatArray, workspace_rate: FloatArray, robot: RobotParame
     For comparison only: those two terms have not even the unit of a torque. Shape as
     `reduced_bias`.
     """
-    nose, tail = first_moments(robot)
-    pull = tail * np.cos(_load_angle(q, robot))
-    theta1_rate, theta2_rate = workspace_rate[..., 1], workspace_rate[..., 2]
-    ahead = pull * theta2_rate**2 - nose * theta1_rate**2
-    return np.stack([ahead, nose * theta1_rate, -pull * theta1_rate], axis=-1)
+    nose, _ = first_moments(robot)
+    theta1_rate = workspace_rate[..., 1]
+    terms = np.zeros_like(workspace_rate)
+    for i, link in _columns(robot):
+        pull = link.moment_kg_m * np.cos(_load_angle(q, i, link))
+        terms[..., 0] += pull * workspace_rate[..., i - 1] ** 2
+        terms[..., i - 1] = -pull * theta1_rate
+    terms[..., 0] -= nose * theta1_rate**2
+    terms[..., 1] = nose * theta1_rate
+    return terms
 
 
 def forward_acceleration(
@@ -124,19 +156,32 @@ def forward_acceleration(
     robot: RobotParameters,
     gravity_m_s2: FloatArray | None = None,
 ) -> FloatArray:
-    """Accelerations (s̈, θ̈1, θ̈2) (..., 3) under forces: Eq. 23 (derived form) solved for ξ̈.
+    """Accelerations (s̈, θ̈1, θ̈2, …) (..., 2 + n) under forces: Eq. 23 (derived) solved for ξ̈.
 
-    The force (..., 2) is f [N] and τ [N·m]; the hitch torque (...) acts on the trailer, its
-    opposite on the tractor. Gravity (2,) pulls along the floor; None: it is level.
+    The force (..., 2) is f [N] and τ [N·m]; the hitches' torques are as of `add_hitches`. Gravity
+    (2,) pulls along the floor; None: it is level.
     """
     load = -reduced_bias(q, workspace_rate, robot)
     if gravity_m_s2 is not None:
         load -= np.einsum("...ji,...j", null_space(q), gravity(q, gravity_m_s2, robot))
     load[..., :2] += force
-    load[..., 1] -= hitch_torque_n_m
-    load[..., 2] += hitch_torque_n_m
+    add_hitches(load, hitch_torque_n_m)
     solution = np.linalg.solve(reduced_mass_matrix(q, robot), load[..., None])
     return np.asarray(solution[..., 0])
+
+
+def add_hitches(load: FloatArray, torque_n_m: FloatArray | float) -> None:
+    """Add hitch torques to forces (..., 2 + n) on (s, θ1, θ2, …), in place.
+
+    A torque acts on the trailer behind its hitch, its opposite on what tows that. Torques are
+    (..., n), or those of the first hitch alone: a number, or (...).
+    """
+    torque = np.asarray(torque_n_m, dtype=np.float64)
+    if torque.shape != (*load.shape[:-1], load.shape[-1] - 2):
+        first, torque = torque, np.zeros((*load.shape[:-1], load.shape[-1] - 2))
+        torque[..., 0] = first
+    load[..., 1] -= torque[..., 0]
+    load[..., 2:] += on_trailers(torque)
 
 
 def lateral_force(
@@ -148,9 +193,9 @@ def lateral_force(
 ) -> FloatArray:
     """λ of Eq. 18: what keeps the wheels from slipping sideways.
 
-    A·(M·q̈ + V + G) with q̈ = S·ξ̈ + Ṡ·ξ̇ (Eq. 21), ξ̈ = (s̈, θ̈1, θ̈2) (..., 3); f, τ and the hitch
-    torque have no part along A. The force (...) is of the floor on both wheels together, positive
-    to the tractor's right [N].
+    A·(M·q̈ + V + G) with q̈ = S·ξ̈ + Ṡ·ξ̇ (Eq. 21), ξ̈ = (s̈, θ̈1, θ̈2, …) (..., 2 + n); f, τ and the
+    hitches' torques have no part along A. The force (...) is of the floor on both wheels together,
+    positive to the tractor's right [N].
     """
     S = null_space(q)
     q_rate = np.einsum("...ij,...j", S, workspace_rate)
@@ -168,6 +213,11 @@ def _yaw_inertia(robot: RobotParameters) -> float:
     return robot.tractor.yaw_inertia_kg_m2 + first_moments(robot)[0] * robot.tractor.com_offset_m
 
 
-def _load_angle(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """θ2 − β − θ1: the hitch angle of the line from the COM to P."""
-    return np.asarray(q[..., THETA2] - q[..., THETA1] - robot.lean_rad)
+def _columns(robot: RobotParameters) -> Iterator[tuple[int, Link]]:
+    """Every trailer with the column of its angle in q."""
+    return enumerate(links(robot), start=THETA2)
+
+
+def _load_angle(q: FloatArray, i: int, link: Link) -> FloatArray:
+    """Column i's θ − β − θ1: the angle on the tractor of the line from the load to the hitch."""
+    return np.asarray(q[..., i] - q[..., THETA1] - link.lean_rad)

@@ -5,21 +5,22 @@ radius f = (τ_r + τ_l)/r and τ = b·(τ_r − τ_l)/r. The wheels and what th
 the wheel spin along, which Table I leaves out: with J_w for each, 2·J_w/r² joins the mass of ṡ, and
 b²-fold the inertia of θ1.
 
-Beside the inertia act the hitch (spring, damper, dry friction), balls that resist, and gravity's
+Beside the inertia act the hitches (spring, damper, dry friction), balls that resist, and gravity's
 component along a floor that slopes (nomenclature's G(q)).
-As in `kinetics`, functions work over any leading axes; ξ̇ = (ṡ, θ̇1, θ̇2).
+As in `kinetics`, functions work over any leading axes and any number n of trailers;
+ξ̇ = (ṡ, θ̇1, θ̇2, …) (..., 2 + n).
 """
 
 import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.balls import direction, held_back
+from ttwmr_mj.dynamics.balls import all_held_back, direction, train_drag
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
-from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.kinematics import to_body, to_world, twist_from_wheels, wheels_from_twist
-from ttwmr_mj.dynamics.kinetics import gravity, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.dynamics.kinematics import to_body, twist_from_wheels, wheels_from_twist
+from ttwmr_mj.dynamics.kinetics import add_hitches, gravity, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.dynamics.train import hitch_torques, solve
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
 
 FADING_RAD_S = 0.01  # dry friction fades below this hitch rate, a turn in ten minutes
 FADING_M_S = 1e-3  # a ball's resistance fades below this speed
@@ -37,7 +38,7 @@ def acceleration(
     robot: RobotParameters,
     ground: Ground = LEVEL,
 ) -> FloatArray:
-    """(s̈, θ̈1, θ̈2) (..., 3) under wheel torques (..., 2) (right, left): Eq. 23 solved for ξ̈."""
+    """ξ̈ (..., 2 + n) under wheel torques (..., 2) (right, left): Eq. 23 solved for it."""
     load = other_forces(q, workspace_rate, robot, ground) - reduced_bias(q, workspace_rate, robot)
     load[..., :2] += _times(wheel_jacobian(robot).T, wheel_torque_n_m)
     return np.asarray(np.linalg.solve(spun_mass_matrix(q, robot), load[..., None])[..., 0])
@@ -52,19 +53,20 @@ def inverse_dynamics(
 ) -> FloatArray:
     """Wheel torques (..., 2) that give P and the tractor (u̇1, u̇2) = (s̈, θ̈1) (..., 2).
 
-    The trailer swings as Eq. 23's third row lets it.
+    The trailers swing as Eq. 23's rows from the third on let them.
     """
     load = other_forces(q, workspace_rate, robot, ground) - reduced_bias(q, workspace_rate, robot)
     mass = spun_mass_matrix(q, robot)
-    swing = (load[..., 2] - mass[..., 2, 0] * twist_rate[..., 0]) / mass[..., 2, 2]
+    swing = solve(mass[..., 2:, 2:], load[..., 2:] - mass[..., 2:, 0] * twist_rate[..., :1])
     force = _times(mass[..., :2, :2], twist_rate) - load[..., :2]
-    force[..., 0] += mass[..., 0, 2] * swing
+    for i in range(swing.shape[-1]):
+        force[..., 0] += mass[..., 0, 2 + i] * swing[..., i]
     # by virtual work a wheel's torque is the force times the motion per turn of that wheel
     return _times(twist_from_wheels(np.eye(2), robot), force)
 
 
 def spun_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """SᵀMS of Eq. 23 (..., 3, 3), wheels and rotors spinning along."""
+    """SᵀMS of Eq. 23 (..., 2 + n, 2 + n), wheels and rotors spinning along."""
     mass, jacobian = reduced_mass_matrix(q, robot), wheel_jacobian(robot)
     spin = wheel_inertia(robot)[0] + robot.servo.reflected_inertia_kg_m2
     # elementwise: a fused product would couple what equal wheels do not
@@ -75,11 +77,9 @@ def spun_mass_matrix(q: FloatArray, robot: RobotParameters) -> FloatArray:
 def other_forces(
     q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
-    """(..., 3) what hitch, balls and gravity do to (s, θ1, θ2) [N, N·m, N·m]."""
+    """(..., 2 + n) what hitches, balls and gravity do to (s, θ1, θ2, …) [N, N·m, N·m, …]."""
     force = _balls(q, workspace_rate, robot, ground)
-    torque = hitch_torque(q, workspace_rate, robot)
-    force[..., 1] -= torque
-    force[..., 2] += torque
+    add_hitches(force, hitch_torque(q, workspace_rate, robot))
     G = gravity(q, ground.gravity_m_s2, robot)
     force[..., 0] -= to_body(q[..., THETA1], G[..., 0], G[..., 1])[0]
     force[..., 1:] -= G[..., THETA1:]
@@ -87,32 +87,30 @@ def other_forces(
 
 
 def hitch_torque(q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters) -> FloatArray:
-    """Torque (...) of spring, damper and dry friction on the trailer [N·m]."""
-    angle = q[..., THETA2] - q[..., THETA1]
-    rate = workspace_rate[..., 2] - workspace_rate[..., 1]
-    dry = robot.hitch.coulomb_friction_n_m * np.tanh(rate / FADING_RAD_S)
-    return spring_damper_torque(angle, rate, robot.hitch) - dry
+    """Torques (..., n) of springs, dampers and dry friction on the trailers behind them [N·m]."""
+    rate = np.diff(workspace_rate[..., 1:], axis=-1)
+    limit = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
+    dry = limit * np.tanh(rate / FADING_RAD_S)
+    return np.asarray(hitch_torques(hitch_angles(q), rate, robot) - dry)
 
 
 def _balls(
     q: FloatArray, workspace_rate: FloatArray, robot: RobotParameters, ground: Ground
 ) -> FloatArray:
-    force, lever = np.zeros_like(workspace_rate), robot.casters.rolling_resistance_m
-    nose, right, left_one = held_back(robot, lever, ground.normal_gravity_m_s2)
-    if not (nose or right or left_one):
+    force = np.zeros_like(workspace_rate)
+    forces = all_held_back(robot, ground.normal_gravity_m_s2)
+    nose = forces[0].nose
+    if not (nose or any(right or left for _, right, left in forces)):
         return force
-    speed, turn1, turn2 = np.moveaxis(workspace_rate, -1, 0)
+    speed, turn1 = workspace_rate[..., 0], workspace_rate[..., 1]
     reach = robot.casters.tractor_position_m
     ahead, left = direction(speed, reach * turn1, FADING_M_S)
     force[..., 0] -= nose * ahead
     force[..., 1] -= nose * reach * left
-    hitch, length = q[..., THETA2] - q[..., THETA1], robot.trailer.com_offset_m
-    along, across = to_body(hitch, speed, 0.0)
-    spacing = robot.casters.trailer_half_spacing_m
-    for side, tail in ((-spacing, right), (spacing, left_one)):
-        ahead, left = direction(along - side * turn2, across - length * turn2, FADING_M_S)
-        force[..., 0] -= tail * to_world(hitch, ahead, left)[0]
-        force[..., 2] += tail * (length * left + side * ahead)
+    angle = q[..., THETA2:] - q[..., THETA1, None]
+    pull, torque = train_drag(angle, workspace_rate[..., 2:], speed, robot, forces, FADING_M_S)
+    force[..., 0] += pull
+    force[..., 2:] += torque
     return force
 
 

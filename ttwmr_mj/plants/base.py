@@ -101,6 +101,8 @@ class ModelPlant(EquationPlant):
         time_step_s: float,
         max_integration_step_s: float,
         physics_step_s: float = 0.0,
+        *,
+        trailers: int = 1,
     ) -> None:
         """Build the plant, at rest at the origin.
 
@@ -110,13 +112,14 @@ class ModelPlant(EquationPlant):
             time_step_s: duration of one step of `advance`.
             max_integration_step_s: upper bound of the Runge-Kutta step.
             physics_step_s: as of `servo.cut`.
+            trailers: behind the tractor.
         """
         self.nsim = nsim
         self.time_step_s = time_step_s
         self._servo = servo
         self._longest_s = max_integration_step_s
         self._physics_step_s = physics_step_s
-        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
+        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, [0.0] * trailers, nsim))
 
     @abstractmethod
     def follow(self, stretches: Stretches, end_rad_s: FloatArray) -> None:

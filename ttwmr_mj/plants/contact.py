@@ -19,7 +19,8 @@ from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
-from ttwmr_mj.plants.mjcf import CASTERS, CONTACTS, WHEELS, build_model
+from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
@@ -30,7 +31,7 @@ SETTLED_DECIMALS = 15
 
 
 class WheelContacts(NamedTuple):
-    """What the floor does to each wheel and ball (..., 5, 3), in the order of `mjcf.CONTACTS`.
+    """What the floor does to each wheel and ball (..., 3 + 2n, 3), as ordered by `names.contacts`.
 
     World frame.
     """
@@ -77,7 +78,8 @@ class ContactPlant(Plant):
         self._back = column(drive.back)
         self._firmware = Firmware(columns(motor)) if (motor := robot.servo.motor) else None
         self._regions, self._elsewhere = columns(ground).regions, column(options.floor_friction)
-        self._leans = bool(np.any(robot.trailer.com_lateral_m))
+        trailers = self._joints.trailers
+        self._leans = any(np.any(trailer.com_lateral_m) for trailer in robot.trailers)
         threads = nthread or min(nsim, os.cpu_count() or 1)
         self._settled_qpos = self._settle(self.models, threads)
         self._batch = batch.Batch(self.model, nsim, threads)
@@ -91,14 +93,18 @@ class ContactPlant(Plant):
         self._sensordata = self._batch.bind("sensordata")
         self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
-        self._halves = {name: int(self.model.body(name).id) for name in ("tractor", "trailer")}
+        self._chassis = {"tractor": int(self.model.body("tractor").id)}
+        for i in range(trailers):
+            body = self.model.body(trailer_part("trailer", i))
+            self._chassis[f"trailer_{i + 1}" if i else "trailer"] = int(body.id)
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
-        self._balls = [int(self.model.body(name).id) for name in CASTERS]
-        self._touching = [int(self.model.body(name).id) for name in CONTACTS]
-        self._touching_geoms = [int(self.model.geom(name).id) for name in CONTACTS]
+        self._balls = [int(self.model.body(name).id) for name in casters(trailers)]
+        touching = contacts(trailers)
+        self._touching = [int(self.model.body(name).id) for name in touching]
+        self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
-        self._contact_columns = _contact_columns(self.model)
+        self._contact_columns = _contact_columns(self.model, touching)
         self._theta1: FloatArray = np.zeros(nsim)
         self._first_theta1 = self._theta1
         self._setpoint: FloatArray = np.zeros((nsim, 2))
@@ -189,7 +195,7 @@ class ContactPlant(Plant):
         return np.array(self._qpos)
 
     def contact_readings(self) -> FloatArray:
-        """(nsim, 5, 15) raw contact sensors of the last physics step, for `read_contacts`."""
+        """(nsim, 3 + 2n, 15) raw contact sensors of the last physics step, for `read_contacts`."""
         return np.asarray(self._sensordata[:, self._contact_columns])  # a copy, by a list of places
 
     def advance(self, command: FloatArray, steps: int) -> None:
@@ -242,7 +248,7 @@ class ContactPlant(Plant):
         """
         self._forces[:] = 0.0
         for half, force in forces_n.items():
-            self._forces[:, self._halves[half], :2] = force
+            self._forces[:, self._chassis[half], :2] = force
 
     def keep_physics_rate(self) -> None:
         """From now on, keep the state after every physics step, for `physics_rate_states`."""
@@ -286,9 +292,9 @@ def _compiled(
     return [models[robot] for robot in robots]
 
 
-def _contact_columns(model: mujoco.MjModel) -> NDArray[np.intp]:
-    """(5, 15) columns of sensordata that hold each contact's readings."""
-    starts = [int(model.sensor(f"contact_{name}").adr[0]) for name in CONTACTS]
+def _contact_columns(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
+    """(contacts, 15) columns of sensordata that hold each contact's readings."""
+    starts = [int(model.sensor(contact_sensor(name)).adr[0]) for name in names]
     return np.array(starts)[:, None] + np.arange(15)
 
 

@@ -7,7 +7,7 @@ The tractor is a free body whose frame sits at P, trailers hang on hinges whose 
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.mjcf import CASTERS, HITCHES, WHEELS
+from ttwmr_mj.plants.names import WHEELS, casters, hitches
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 YAW_RATE = 5  # of a free joint's six velocities
@@ -18,6 +18,7 @@ class Joints:
     """Places in qpos and qvel of one model.
 
     Attributes:
+        trailers: how many there are.
         free_qpos: where the tractor's seven positions start.
         wheel_qpos, wheel_qvel: of the wheels (right, left).
         ball_qvel: where the three velocities of each caster's ball start.
@@ -29,10 +30,12 @@ class Joints:
             return [int(j.qposadr[0]) for j in joints], [int(j.dofadr[0]) for j in joints]
 
         (self.free_qpos,), (self._free_qvel,) = places(("tractor",))
-        self._hitch_qpos, self._hitch_qvel = map(_run, places(HITCHES))
+        named = {model.joint(i).name for i in range(model.njnt)}
+        self.trailers = next(n for n in range(1, model.njnt) if hitches(n + 1)[-1] not in named)
+        self._hitch_qpos, self._hitch_qvel = map(_run, places(hitches(self.trailers)))
         self.wheel_qpos, self.wheel_qvel = map(_run, places(WHEELS))
-        _, self.ball_qvel = places(CASTERS)
-        self._width = 3 + len(HITCHES)
+        _, self.ball_qvel = places(casters(self.trailers))
+        self._width = 3 + self.trailers
 
     def planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The q and its rate (..., 3 + n) of qpos (..., nq) and qvel (..., nv); θ1 is wrapped."""

@@ -5,10 +5,11 @@ integration step is short enough for the fastest of spring, damper and friction.
 """
 
 import math
+from itertools import product
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import held_back
+from ttwmr_mj.dynamics.balls import all_held_back, held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
@@ -47,27 +48,27 @@ class KineticPlant(EquationPlant):
         self.nsim, self.time_step_s = nsim, time_step_s
         self._robot, self._ground = robot, ground
         self._longest_s = min(max_integration_step_s, _stable_step_s(robot, ground))
-        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0, nsim))
+        self.reset(RobotState.at_rest(0.0, 0.0, 0.0, [0.0] * len(robot.trailers), nsim))
 
     def reset(self, initial: RobotState) -> None:
         """Take over pose and motion; a sideways velocity of P is dropped (Eq. 3)."""
         rate = workspace_rate(initial.q, initial.q_rate)
         self._theta1 = initial.q[:, THETA1]  # where the wheels' angles are zero
         path = np.zeros((self.nsim, 1))
-        self._state = np.concatenate([initial.q, rate, path], axis=-1)
+        self._state: FloatArray = np.concatenate([initial.q, rate, path], axis=-1)
 
     def state(self) -> RobotState:
         """The state now, as fresh arrays."""
-        q, rate = self._state[:, :4].copy(), self._state[:, 4:7]
-        return RobotState(q=q, q_rate=q_rate(q, rate))
+        q, rate, _ = self._parts(self._state)
+        return RobotState(q=q.copy(), q_rate=q_rate(q, rate))
 
     def wheel_speed_rad_s(self) -> FloatArray:
         """(nsim, 2) wheel speeds (right, left): they roll."""
-        return wheels_from_twist(self._state[:, 4:6], self._robot)
+        return wheels_from_twist(self._parts(self._state)[1][:, :2], self._robot)
 
     def encoder_angle_rad(self) -> FloatArray:
         """(nsim, 2) angles of the wheels, exactly."""
-        turned = np.stack([self._state[:, 7], self._state[:, THETA1] - self._theta1], axis=-1)
+        turned = np.stack([self._state[:, -1], self._state[:, THETA1] - self._theta1], axis=-1)
         return wheels_from_twist(turned, self._robot)
 
     def failed(self) -> BoolArray:
@@ -80,7 +81,7 @@ class KineticPlant(EquationPlant):
         torque = np.clip(command, -limit, limit)
 
         def rate(_: float, state: FloatArray) -> FloatArray:
-            q, xi = state[:, :4], state[:, 4:7]
+            q, xi, _path = self._parts(state)
             change = acceleration(q, xi, torque, self._robot, self._ground)
             return np.concatenate([q_rate(q, xi), change, xi[:, :1]], axis=-1)
 
@@ -89,9 +90,16 @@ class KineticPlant(EquationPlant):
         for _ in range(count):
             self._state = runge_kutta(rate, self._state, duration_s / count)
 
+    def _parts(self, state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Views of q (nsim, 3 + n), ξ̇ (nsim, 2 + n) and the path of P (nsim, 1) in states."""
+        width = 3 + len(self._robot.trailers)
+        return state[:, :width], state[:, width:-1], state[:, -1:]
+
 
 def _stable_step_s(robot: RobotParameters, ground: Ground) -> float:
     """Longest stable step for the hitch, as an oscillator of its two halves' inertias."""
+    if len(robot.trailers) > 1:
+        return _train_step_s(robot, ground)
     mass = spun_mass_matrix(np.zeros(4), robot)
     # the trailer swings most easily with the tractor free to yield along the heading
     swinging = mass[2, 2] - first_moments(robot)[1] ** 2 / mass[0, 0]
@@ -105,3 +113,33 @@ def _stable_step_s(robot: RobotParameters, ground: Ground) -> float:
     linear = np.array([[0.0, 1.0], [-hitch.stiffness_n_m_rad / inertia, -damping / inertia]])
     fastest = float(np.abs(np.linalg.eigvals(linear)).max())
     return RK4_STABLE_RADIUS / fastest if fastest else math.inf
+
+
+def _train_step_s(robot: RobotParameters, ground: Ground) -> float:
+    """The same for a train, by eigenvalues, over all that trailers may be turned around."""
+    width = 3 + len(robot.trailers)
+    stiffness, damping = (np.zeros((width - 1, width - 1)) for _ in range(2))
+    casters = robot.casters
+    for i, (hitch, forces) in enumerate(
+        zip(robot.hitches, all_held_back(robot, ground.normal_gravity_m_s2), strict=True)
+    ):
+        between = np.zeros(width - 1)
+        between[i + 1 : i + 3] = -1.0, 1.0
+        dry = hitch.coulomb_friction_n_m / FADING_RAD_S
+        stiffness += hitch.stiffness_n_m_rad * np.outer(between, between)
+        damping += (hitch.damping_n_m_s_rad + dry) * np.outer(between, between)
+        # a ball moves by the lengths of all before it at most
+        lever = np.zeros(width - 1)
+        lever[2 : i + 2] = [trailer.next_hitch_offset_m for trailer in robot.trailers[:i]]
+        lever[i + 2] = np.hypot(robot.trailers[i].com_offset_m, casters.trailer_half_spacing_m)
+        lever[0] = 1.0
+        damping += (forces.right + forces.left) / FADING_M_S * np.outer(lever, lever)
+    damping[1, 1] += forces.nose * casters.tractor_position_m**2 / FADING_M_S
+    longest = math.inf
+    for turned in product((0.0, 0.5 * np.pi, np.pi), repeat=width - 3):
+        mass = spun_mass_matrix(np.array([0.0, 0.0, 0.0, *turned]), robot)
+        inverse, zero = np.linalg.inv(mass), np.zeros_like(mass)
+        linear = np.block([[zero, np.eye(width - 1)], [-inverse @ stiffness, -inverse @ damping]])
+        fastest = float(np.abs(np.linalg.eigvals(linear)).max())
+        longest = min(longest, RK4_STABLE_RADIUS / fastest) if fastest > 0.0 else longest
+    return longest

@@ -5,21 +5,17 @@ import numpy as np
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.composite import Lump, ball_inertia, tractor_chassis, trailer_chassis, wheel_inertia
-from ttwmr_mj.dynamics.balls import held_back
+from ttwmr_mj.dynamics.balls import all_held_back
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.names import CASTERS, WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.runners import add_runner
+from ttwmr_mj.plants.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT
 
-TRACTOR_CASTER = "caster_tractor"
-TRAILER_CASTERS = ("caster_trailer_right", "caster_trailer_left")
-CASTERS = (TRACTOR_CASTER, *TRAILER_CASTERS)
-WHEELS = ("wheel_right", "wheel_left")
-CONTACTS = (*WHEELS, *CASTERS)
-HITCHES = ("hitch",)  # front to back
 # A flat chassis: its roll and pitch inertia as a share of its yaw inertia. A planar robot feels
 # neither; more than half satisfies the triangle inequality.
 ROLL_SHARE = 0.55
@@ -51,11 +47,12 @@ def build_spec(
             "plant.contact.model_path", f"MuJoCo cannot read it: {error}", got=repr(path)
         ) from error
     try:
+        add_trailers(spec, path, robot, options.contact_time_constant_s)
         _set_inertia(spec, robot)
         _set_geometry(spec, robot)
         _set_joints(spec, robot, options)
         _set_drives(spec, Drive.of(robot.servo, torque_input=torque_input))
-        _set_contact(spec, options, ground)
+        _set_contact(spec, robot, options, ground)
         _hold_back(spec, robot, options, ground)
         if robot.hitch.play_m > 0:
             _loosen_pin(spec, robot.hitch.play_m, options.contact_time_constant_s)
@@ -82,8 +79,8 @@ def build_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
-    if robot.hitch.play_m > 0:
-        model.key_qpos[:] = model.qpos0  # the keyframes know nothing of the pin's two joints
+    if robot.hitch.play_m > 0 or len(robot.trailers) > 1:
+        model.key_qpos[:] = model.qpos0  # keyframes know nothing of more trailers or a loose pin
     return model
 
 
@@ -96,30 +93,32 @@ def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
 
 def _set_inertia(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     _set_body(spec, "tractor", tractor_chassis(robot))
-    _set_body(spec, "trailer", trailer_chassis(robot))
+    for i in range(len(robot.trailers)):
+        _set_body(spec, trailer_part("trailer", i), trailer_chassis(robot, i))
     spin, diametral = wheel_inertia(robot)
     for name in WHEELS:
         spec.body(name).mass = robot.tractor.wheel_mass_kg
         spec.body(name).inertia = [diametral, spin, diametral]
-    for name in CASTERS:
+    for name in casters(len(robot.trailers)):
         spec.body(name).mass = robot.casters.mass_kg
         spec.body(name).inertia = [ball_inertia(robot)] * 3
 
 
 def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
-    tractor, casters = robot.tractor, robot.casters
+    tractor, balls = robot.tractor, robot.casters
     axle_height, half_track = tractor.wheel_radius_m, robot.half_track_m
     spec.body("tractor").pos = [0.0, 0.0, axle_height]
     # each axle at its own wheel's radius: the robot stands level
     heights = [radius - axle_height for radius in tractor.wheel_radii_m]
     spec.body("wheel_right").pos = [0.0, -half_track, heights[RIGHT]]
     spec.body("wheel_left").pos = [0.0, half_track, heights[LEFT]]
-    ball_height = casters.radius_m - axle_height
-    behind, aside = -robot.trailer.com_offset_m, casters.trailer_half_spacing_m
-    spec.body(TRACTOR_CASTER).pos = [casters.tractor_position_m, 0.0, ball_height]
-    spec.body(TRAILER_CASTERS[0]).pos = [behind, -aside, ball_height]
-    spec.body(TRAILER_CASTERS[1]).pos = [behind, aside, ball_height]
-    spec.site("trailer_com").pos = [behind, robot.trailer.com_lateral_m, 0.0]
+    ball_height = balls.radius_m - axle_height
+    spec.body(CASTERS[0]).pos = [balls.tractor_position_m, 0.0, ball_height]
+    for i, trailer in enumerate(robot.trailers):
+        behind, aside = -trailer.com_offset_m, balls.trailer_half_spacing_m
+        for name, y in zip(CASTERS[1:], (-aside, aside), strict=True):
+            spec.body(trailer_part(name, i)).pos = [behind, y, ball_height]
+        spec.site(trailer_part("trailer_com", i)).pos = [behind, trailer.com_lateral_m, 0.0]
     half_width = tractor.wheel_half_width_m
     for name, radius in zip(WHEELS, tractor.wheel_radii_m, strict=True):
         geom = spec.geom(name)
@@ -134,18 +133,21 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
             geom.size = [radius, half_width, radius]
         side = name.removeprefix("wheel_")
         spec.geom(f"tyre_{side}").size = [radius, half_width, 0.0]
-    for name in CASTERS:
-        spec.geom(name).size = [casters.radius_m, 0.0, 0.0]
-        spec.geom(name.replace("caster", "ball")).size = [casters.radius_m, 0.0, 0.0]
+    for name in casters(len(robot.trailers)):
+        spec.geom(name).size = [balls.radius_m, 0.0, 0.0]
+        spec.geom(name.replace("caster", "ball")).size = [balls.radius_m, 0.0, 0.0]
     for key in spec.keys:
-        key.qpos[2] = axle_height
+        if len(key.qpos):  # of a train they are empty: `build_model` fills them in
+            key.qpos[2] = axle_height
 
 
 def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions) -> None:
-    hitch, servo = spec.joint("hitch"), robot.servo
-    hitch.stiffness[0] = robot.hitch.stiffness_n_m_rad  # [1:] are the cubic spring's terms
-    hitch.damping[0] = robot.hitch.damping_n_m_s_rad
-    hitch.frictionloss = robot.hitch.coulomb_friction_n_m
+    servo = robot.servo
+    for i, values in enumerate(robot.hitches):
+        hitch = spec.joint(trailer_part("hitch", i))
+        hitch.stiffness[0] = values.stiffness_n_m_rad  # [1:] are the cubic spring's terms
+        hitch.damping[0] = values.damping_n_m_s_rad
+        hitch.frictionloss = values.coulomb_friction_n_m
     for name in WHEELS:
         wheel = spec.joint(name)
         wheel.armature = servo.reflected_inertia_kg_m2
@@ -164,18 +166,22 @@ def _set_drives(spec: mujoco.MjSpec, drive: Drive) -> None:
         actuator.ctrlrange = [-drive.input_limit, drive.input_limit]
 
 
-def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -> None:
+def _set_contact(
+    spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions, ground: Ground
+) -> None:
     x, y = ground.gravity_m_s2
     spec.option.gravity = [x, y, -ground.normal_gravity_m_s2]
     spec.option.timestep = options.timestep_s
     spec.option.impratio = options.friction_impedance_ratio
     solref = [options.contact_time_constant_s, 1.0]
-    spec.joint("hitch").solref_friction = solref
-    for name in CONTACTS:
+    count = len(robot.trailers)
+    for i in range(count):
+        spec.joint(trailer_part("hitch", i)).solref_friction = solref
+    for name in contacts(count):
         geom = spec.geom(name)
         geom.solref = solref
         geom.friction[0] = options.floor_friction
-        if name in CASTERS:
+        if name not in WHEELS:
             geom.friction[1] = geom.friction[2] = 0.0
     spec.geom("floor").friction[0] = options.floor_friction
 
@@ -183,8 +189,9 @@ def _set_contact(spec: mujoco.MjSpec, options: ContactOptions, ground: Ground) -
 def _hold_back(
     spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions, ground: Ground
 ) -> None:
-    lever, weight = robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2
-    for name, force in zip(CASTERS, held_back(robot, lever, weight), strict=True):
+    each = all_held_back(robot, ground.normal_gravity_m_s2)
+    forces = [each[0].nose, *(force for _, right, left in each for force in (right, left))]
+    for name, force in zip(casters(len(robot.trailers)), forces, strict=True):
         if force > 0:
             add_runner(spec, name, float(force), options.contact_time_constant_s)
 

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.mjcf import HITCHES
+from ttwmr_mj.plants.names import hitches
 from ttwmr_mj.state import FloatArray
 
 VISUAL_GROUP = 2
@@ -14,7 +14,8 @@ CIRCLE: FloatArray = np.stack([np.cos(ROUND), np.sin(ROUND)], axis=-1)
 
 def chassis(model: mujoco.MjModel) -> dict[str, int]:
     """Name → body of the tractor and of what hangs on hitches, front to back."""
-    bodies = [model.joint(name).bodyid[0] for name in ("tractor", *HITCHES)]
+    names = ("tractor", *hitches(Joints(model).trailers))
+    bodies = [model.joint(name).bodyid[0] for name in names]
     return {model.body(body).name: int(body) for body in bodies}
 
 

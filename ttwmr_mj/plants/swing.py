@@ -38,18 +38,25 @@ class Forcing(NamedTuple):
     """
 
     duration_s: FloatArray  # (nsim,)
-    ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1/k [1/s²]
-    left: FloatArray  # (3, nsim) u1·u2/k [1/s²]
+    ahead: FloatArray  # (3, nsim) at start, middle and end; (1, nsim) constant: u̇1 per length
+    left: FloatArray  # (3, nsim) u1·u2 per length
     drive: FloatArray  # (nsim,) −u̇2 [rad/s²]
-    twist: FloatArray | None  # (2, 3, nsim) u1 and u2 of the tractor, where balls resist
+    twist: FloatArray | None  # (2, 3, nsim) u1 and u2 of the tractor, where they are needed
 
     def after(self, fraction: FloatArray) -> Forcing:
         """The rest of the stretch from a fraction (nsim,) of its duration on."""
-        times = np.stack([fraction, 0.5 * (1.0 + fraction), np.ones_like(fraction)])
+        return self._part(fraction, np.ones_like(fraction))
+
+    def until(self, fraction: FloatArray) -> Forcing:
+        """The stretch up to a fraction (nsim,) of its duration."""
+        return self._part(np.zeros_like(fraction), fraction)
+
+    def _part(self, start: FloatArray, end: FloatArray) -> Forcing:
+        times = np.stack([start, 0.5 * (end + start), end])
         ahead = self.ahead if len(self.ahead) == 1 else _parabola(self.ahead, times)
         left = _parabola(self.left, times)  # exact on level floor, where u1 and u2 are linear
         twist = None if self.twist is None else np.stack([_parabola(u, times) for u in self.twist])
-        return Forcing((1.0 - fraction) * self.duration_s, ahead, left, self.drive, twist)
+        return Forcing((end - start) * self.duration_s, ahead, left, self.drive, twist)
 
 
 def _parabola(nodes: FloatArray, times: FloatArray) -> FloatArray:
@@ -101,7 +108,8 @@ class HitchSwing:
     Attributes:
         longest_step_s: bound on the step for a stable integration; infinite without a spring and
             damper.
-        resisted: whether balls resist, so that the forcing needs the tractor's twist.
+        length_m: k, the length that the forcing's accelerations are divided by.
+        needs_twist: whether balls resist, so that the forcing needs the tractor's twist.
     """
 
     def __init__(
@@ -121,11 +129,15 @@ class HitchSwing:
         self._robot = robot
         self._sprung = bool(np.any(self._stiffness) or np.any(self._damping))
         self._rubs = bool(np.any(self._friction))
-        self.resisted = bool(np.any(self._forces.right) or np.any(self._forces.left))
+        self.length_m = robot.swing_length_m
+        self.needs_twist = bool(np.any(self._forces.right) or np.any(self._forces.left))
         self.longest_step_s = float(np.min(constants.longest_step_s))
 
     def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
-        """Hitch angle [rad] and rate [rad/s], (2, nsim), after one stretch of time."""
+        """Hitch angle [rad] and rate [rad/s], (2, 1, nsim), after one stretch of time."""
+        return self._step(state[:, 0], forcing)[:, None]
+
+    def _step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
         if not self._rubs:
             return self._glide(state, forcing, 0.0)
         state, stop = self._slide_or_stick(state, forcing)

@@ -22,7 +22,7 @@ from typing import IO, Self
 
 from ttwmr_mj.recording.viewer import Viewer
 
-POLL_S = 0.03  # between two looks at the file's end
+POLL_S = 0.05  # between two looks at the file's end
 PIECE_BYTES = 1 << 18
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 DRAIN_S = 5.0  # at the end of a run, for a viewer to take what is left

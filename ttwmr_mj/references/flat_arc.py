@@ -1,7 +1,7 @@
 """An arc of the trailer's centre of oscillation: slow at its ends, fast in its middle."""
 
 from math import comb
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
 from numpy.polynomial import Polynomial
@@ -27,6 +27,7 @@ class FlatArc(FlatReference):
     (`references.shared.feasibility`).
     """
 
+    leads_trains: ClassVar[bool] = False  # it has six derivatives only
     kind: Literal["flat_arc"] = "flat_arc"
     radius_m: Length = Field(description="radius R of the path of F; typically 0.6")
     angles_rad: Annotated[tuple[Angle, Angle], Field(strict=False)] = Field(
@@ -54,8 +55,9 @@ class FlatArc(FlatReference):
         angle = abs(self.angles_rad[1] - self.angles_rad[0])
         return angle / (rest + (self.peak_rate_rad_s - rest) * mean)
 
-    def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
+    def flat_derivatives(self, time_s: FloatArray, orders: int = FLAT_ORDERS) -> FloatArray:
         """(n, 7, 2) F and its derivatives, from z = R·exp(iφ): z' = iφ̇·z, by Leibniz' rule."""
+        assert orders == FLAT_ORDERS, "`leads_trains` says so"
         phi = self._angle(time_s)
         z = np.empty((FLAT_ORDERS, time_s.size), dtype=np.complex128)
         z[0] = self.radius_m * np.exp(1j * phi[0])

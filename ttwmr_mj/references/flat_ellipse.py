@@ -28,11 +28,11 @@ class FlatEllipse(FlatReference):
         default=0.0, description="angle of the first axis from the world's x axis"
     )
 
-    def flat_derivatives(self, time_s: FloatArray) -> FloatArray:
-        """(n, 7, 2) F and its derivatives: each is ω times the one before, a quarter turn on."""
-        rate, orders = self.angular_rate_rad_s, np.arange(FLAT_ORDERS)
-        phi = (self.phase_rad + rate * time_s)[:, None] + 0.5 * np.pi * orders
-        axes = rate**orders * np.stack([np.cos(phi), np.sin(phi)])
+    def flat_derivatives(self, time_s: FloatArray, orders: int = FLAT_ORDERS) -> FloatArray:
+        """(n, orders, 2) F and its derivatives: each ω times the one before, a quarter turn on."""
+        rate, order = self.angular_rate_rad_s, np.arange(orders)
+        phi = (self.phase_rad + rate * time_s)[:, None] + 0.5 * np.pi * order
+        axes = rate**order * np.stack([np.cos(phi), np.sin(phi)])
         axes *= np.array(self.half_axes_m)[:, None, None]
         cos, sin = np.cos(self.tilt_rad), np.sin(self.tilt_rad)
         flat = np.stack([cos * axes[0] - sin * axes[1], sin * axes[0] + cos * axes[1]], axis=-1)

@@ -6,20 +6,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.dynamics.flatness import trailer_point
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap
 
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """(..., 2) the first trailer's COM, P − l·(cos θ2, sin θ2) [m]; NaN where θ2 of q is."""
-    return point_behind(q, robot.trailer.com_distance_m, robot.lean_rad)
+    """(..., 2) the last trailer's COM, of one P − l·(cos θ2, sin θ2) [m]; NaN where θ2 of q is."""
+    last = robot.trailers[-1]
+    return trailer_point(q, robot, last.com_distance_m, last.lean_rad)
 
 
 def centre_of_oscillation(q: FloatArray, robot: RobotParameters) -> FloatArray:
-    """(..., 2) F of the first trailer, K behind P on the line through its COM [m]."""
-    return point_behind(q, robot.swing_length_m, robot.lean_rad)
+    """(..., 2) F of the last trailer, K behind its hitch on the line through its COM [m]."""
+    last = robot.trailers[-1]
+    return trailer_point(q, robot, last.swing_length_m, last.lean_rad)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,12 +29,12 @@ class Curves:
     """What follows from a trajectory, row by row; NaN where the reference defines nothing.
 
     Attributes:
-        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the first trailer's COM, true and
+        trailer_com_m, ref_trailer_com_m: (n, nsim, 2) the last trailer's COM, true and
             reference.
         tractor_error_m: (n, nsim) distance of P from its reference.
         trailer_error_m: (n, nsim) distance of that COM from its reference.
-        oscillation_error_m: (n, nsim) distance of the first trailer's centre of oscillation,
-            P − K·(cos θ2, sin θ2), from its reference.
+        oscillation_error_m: (n, nsim) distance of the last trailer's centre of oscillation,
+            of one P − K·(cos θ2, sin θ2), from its reference.
         theta_error_rad: (n, nsim, 1 + trailers) θ1, θ2, … minus their references, in [−π, π).
         hitch_angle_rad: (n, nsim) θ2 − θ1.
     """

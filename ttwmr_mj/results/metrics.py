@@ -81,8 +81,8 @@ WORDS = {
 QUANTITIES = {
     "tractor": "distance of P from its reference",
     "tractor_t": "distance of P from its reference, times t",
-    "trailer": "distance of the trailer's COM, l behind P, from its reference",
-    "oscillation": "distance of the centre of oscillation, K behind P, from its reference",
+    "trailer": "distance of the (last) trailer's COM, l behind its hitch, from its reference",
+    "oscillation": "distance of that trailer's centre of oscillation from its reference",
     "theta1": "error of θ1",
     "theta2": "error of θ2",
     "wheel_speed": "speed of a wheel",

@@ -176,7 +176,8 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
     values = {
         "tractor_m": curves.tractor_error_m,
         "trailer_m": curves.trailer_error_m,
-        "theta2_rad": np.abs(curves.theta_error_rad[..., 1]),
+        # of several trailers the one that is furthest off
+        "theta2_rad": np.abs(curves.theta_error_rad[..., 1:]).max(axis=-1),
     }
     time_s = rows.time_s
     end = int(np.argmax(time_s >= (1.0 - END_SHARE) * time_s[-1]))

@@ -51,19 +51,10 @@ def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> Refe
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
     path = scenario.reference.sample(times, robot)
     influence = influence_of(robot, ground)
-    if path is None or not influence[:DRY].any():  # of friction in the hitch nothing is made
+    # of friction in the hitch nothing is made, nor of what acts on several trailers
+    if path is None or not influence[:DRY].any() or len(robot.trailers) > 1:
         return path
     return carried(path, robot, influence)
-
-
-def refuse_trains(robot: RobotParameters) -> None:
-    """No plant drives more than one trailer yet.
-
-    Raises:
-        InputError: the robot tows several.
-    """
-    if (count := len(robot.trailers)) > 1:
-        raise InputError.at("robot.trailers", got=f"{count} trailers", allowed="one, for now")
 
 
 def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
@@ -78,7 +69,6 @@ def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
         InputError: no plant can drive this robot.
     """
     options, robot = scenario.plant, scenario.robot
-    refuse_trains(robot)
     if options.kind == "analytic":
         return _of_equations(scenario, nsim)
     # MuJoCo takes time to import, and may be unable to: only when it is needed
@@ -90,9 +80,10 @@ def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
 
 def _of_equations(scenario: Scenario, nsim: int) -> Plant:
     """The plant made of equations."""
-    if not scenario.control.torque_input:
+    if not scenario.control.torque_input and len(scenario.robot.trailers) == 1:
         return _equations(scenario, nsim)
-    # how long the kinetic model's steps may be, its robot's numbers say: one plant for each robot
+    # how long the kinetic model's steps may be, its robot's numbers say: one plant for each robot;
+    # nor do trains take the numbers of several
     rows = rows_of(scenario, nsim)
     who = defaultdict[tuple[Any, ...], list[int]](list)
     for i, row in enumerate(rows):
@@ -197,14 +188,18 @@ def make_sensor(
 def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int = 1) -> RobotState:
     """Where every simulation starts."""
     start = scenario.initial
+    more = len(scenario.robot.trailers) - 1
     if isinstance(start, AtRest):
-        return RobotState.at_rest(start.x_m, start.y_m, start.theta1_rad, start.theta2_rad, nsim)
+        behind = start.more_trailers_rad or (start.theta2_rad,) * more
+        theta = start.theta2_rad, *behind
+        return RobotState.at_rest(start.x_m, start.y_m, start.theta1_rad, theta, nsim)
     if reference is None:
         raise AssertionError("the loader refuses on_reference without a reference")
     q, rate = reference.q[0, 0].copy(), reference.q_rate[0, 0].copy()
     if np.isnan(q[3]):
-        q[3], rate[3] = q[2], rate[2]
-    q += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
+        q[3:], rate[3:] = q[2], rate[2]
+    q[:4] += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
+    q[4:] += start.more_trailers_offset_rad or 0.0
     return RobotState(q=np.tile(q, (nsim, 1)), q_rate=np.tile(rate, (nsim, 1)))
 
 

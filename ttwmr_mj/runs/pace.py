@@ -6,7 +6,7 @@ from time import perf_counter, sleep
 
 from ttwmr_mj.errors import InputError
 
-REPORT_EVERY_S = 0.5  # wall time between two reports, so that a kill costs less than a second
+REPORT_EVERY_S = 0.8  # wall time between two reports: a kill costs less than a second
 LIVE_REPORT_EVERY_S = 0.1  # where someone looks on
 BEHIND_S = 0.1  # a run this late is behind: less is not seen
 

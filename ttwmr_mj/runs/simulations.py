@@ -155,7 +155,8 @@ class Simulations:
         """Equal for simulations that one law can drive."""
         if scenario.controller.alone:  # of one scenario, which an experiment may repeat
             return None
-        if scenario.controller.takes_stacks:
+        # computed torque inverts the equations of one robot
+        if scenario.controller.takes_stacks and not scenario.control.torque_input:
             return scenario.believed_command_latency_s
         return (
             scenario.controller,
@@ -167,7 +168,8 @@ class Simulations:
 
     def _law(self, group: list[int]) -> Controller:
         """The law of these simulations, which all must be able to have."""
-        for i in {id(self._told[i]): i for i in group}.values():
+        different = {(id(self._told[i]), id(self.scenarios[i].controller)): i for i in group}
+        for i in different.values():
             build.refuse_reference(self.scenarios[i], self._told[i])
         return build.make_controller(stacked([self.scenarios[i] for i in group]), self._folder)
 

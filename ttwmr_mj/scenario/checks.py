@@ -64,6 +64,41 @@ def _belief(scenario: Scenario) -> Iterable[Fault]:
         yield Fault(key=("belief", "robot", "trailers"), got=str(count), allowed=allowed)
 
 
+def train_faults(scenario: Scenario) -> Iterable[Fault]:
+    """What cannot be had with more than one trailer."""
+    count, start = len(scenario.robot.trailers), scenario.initial
+    more = "more_trailers_rad" if start.kind == "at_rest" else "more_trailers_offset_rad"
+    given = len(getattr(start, more))
+    if given not in (0, count - 1):
+        allowed = f"as many as there are trailers behind the first, {count - 1}"
+        yield Fault(key=("initial", more), got=str(given), allowed=allowed)
+    if count == 1:
+        return
+    for index, hitch in enumerate(scenario.robot.hitches[1:], start=1):
+        if hitch.play_m:
+            place = ("robot", "hitches", str(index), "play_m")
+            problem = "only the first may have play"
+            yield Fault(key=place, got=f"{hitch.play_m:g}", problem=problem)
+    problem = f"does not work with {count} trailers"
+    refused = {
+        ("sensing", "kind"): (scenario.sensing.kind == "camera", repr(scenario.sensing.kind)),
+        ("plant", "analytic", "extended"): (bool(scenario.plant.analytic.extended), "given"),
+        ("plant", "analytic", "published_spring"): (
+            scenario.plant.analytic.published_spring,
+            "true",
+        ),
+        ("controller", "kind"): (
+            not scenario.controller.tows_trains,
+            repr(scenario.controller.kind),
+        ),
+        ("controller", "learn"): (bool(getattr(scenario.controller, "learn", ())), "given"),
+        ("reference", "kind"): (not scenario.reference.leads_trains, repr(scenario.reference.kind)),
+    }
+    for key, (bad, got) in refused.items():
+        if bad:
+            yield Fault(key=key, got=got, problem=problem)
+
+
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
     if scenario.reference.kind == "none" and scenario.initial.kind == "on_reference":
         problem = "with reference.kind = 'none' there is no reference to start on"
@@ -228,6 +263,7 @@ def _path(scenario: Scenario) -> ReferencePath | None:
 
 
 CHECKS = (
+    Check(train_faults, ("robot", "initial", "sensing", "plant", "controller", "reference")),
     Check(_tractor_masses, ("robot.tractor", "robot.casters")),
     Check(_trailer_masses, ("robot.trailer", "robot.trailers", "robot.casters")),
     Check(_belief, ("robot", "belief")),

@@ -23,6 +23,10 @@ class AtRest(Config):
         default=0.0,
         description="heading of the trailer at the start; equal to theta1_rad if aligned",
     )
+    more_trailers_rad: Annotated[tuple[Angle, ...], Field(strict=False)] = Field(
+        default=(),
+        description="headings of the trailers behind the first; left out: theta2_rad, all of them",
+    )
 
 
 class OnReference(Config):
@@ -42,6 +46,9 @@ class OnReference(Config):
         default=0.0,
         description="offset of the trailer's heading from the reference of θ2, or from θ1 if "
         "there is none; typically 0.2",
+    )
+    more_trailers_offset_rad: Annotated[tuple[Angle, ...], Field(strict=False)] = Field(
+        default=(), description="the same of the trailers behind the first; left out: none"
     )
 
 

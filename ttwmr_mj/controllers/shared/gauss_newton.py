@@ -8,14 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.controllers.shared.riccati import RiccatiSolution, apply, backward
-from ttwmr_mj.controllers.shared.tracking_problem import (
-    INPUTS,
-    RESIDUALS,
-    STATES,
-    UNKNOWN,
-    Target,
-    TrackingProblem,
-)
+from ttwmr_mj.controllers.shared.tracking_problem import INPUTS, UNKNOWN, Problem, Target
 from ttwmr_mj.state import FloatArray
 
 FITTING_PASSES = 30  # shipped scenarios take 2 to 5, rest to rest with 1e-3 N·m of friction 16
@@ -33,7 +26,7 @@ class Rollout(NamedTuple):
 
 
 def improved(
-    problem: TrackingProblem,
+    problem: Problem,
     state: FloatArray,
     command: FloatArray,
     target: Target,
@@ -62,7 +55,8 @@ def improved(
     n, batch = command.shape[:2]
     linear = problem.linearise(state[:-1], command, disturbance)
     beside = (disturbance - planned)[:, : problem.lasting]
-    hessian = np.broadcast_to(beyond[:, :STATES], (batch, STATES, STATES + problem.lasting))
+    width = problem.states
+    hessian = np.broadcast_to(beyond[:, :width], (batch, width, width + problem.lasting))
     end = np.concatenate([state[-1] - target.state[-1], beside], axis=1)
     policy = backward(
         linear.A,
@@ -70,7 +64,7 @@ def improved(
         problem.residual_by_state(state[:-1]),
         problem.residual_by_command,
         problem.residual(state[:-1], command, target, slice(n)),
-        hessian[:, :, :STATES],
+        hessian[:, :, :width],
         apply(hessian, end),
     )
     lasting = np.broadcast_to(disturbance, (lengths.size, *disturbance.shape))
@@ -85,7 +79,7 @@ def improved(
 
 
 def _rollouts(
-    problem: TrackingProblem,
+    problem: Problem,
     state: FloatArray,
     command: FloatArray,
     policy: RiccatiSolution,
@@ -100,8 +94,9 @@ def _rollouts(
         states (n + 1, m, batch, 7) and commands (n, m, batch, 2).
     """
     count = disturbance.shape[:-1]
-    states, commands = np.empty((len(state), *count, STATES)), np.empty((len(command), *count, 2))
-    now = states[0] = np.broadcast_to(start, (*count, STATES))
+    states = np.empty((len(state), *count, problem.states))
+    commands = np.empty((len(command), *count, 2))
+    now = states[0] = np.broadcast_to(start, (*count, problem.states))
     for k in range(len(command)):
         push = lengths[:, None, None] * policy.feedforward[k]
         wish = command[k] + push + apply(policy.gain[k], now - state[k])
@@ -111,7 +106,7 @@ def _rollouts(
 
 
 def fit(
-    problem: TrackingProblem, target: Target, disturbance: FloatArray | None = None, passes: int = 0
+    problem: Problem, target: Target, disturbance: FloatArray | None = None, passes: int = 0
 ) -> tuple[FloatArray, FloatArray]:
     """States (n, batch, 7) and commands (n − 1, batch, 2) of the sampled model near the target.
 
@@ -123,7 +118,7 @@ def fit(
             A batch of different simulations says how many, or they would depend on each other.
     """
     batch = target.state.shape[1]
-    size = STATES + problem.lasting
+    size = problem.states + problem.lasting
     if disturbance is None:
         disturbance = np.zeros((batch, problem.width))
     plan = Rollout(target.state, target.command, np.full(batch, np.inf))
@@ -146,7 +141,7 @@ def fit(
 
 
 def lqr(
-    problem: TrackingProblem,
+    problem: Problem,
     state: FloatArray,
     command: FloatArray,
     decay: FloatArray,
@@ -165,15 +160,16 @@ def lqr(
         disturbance = np.zeros(problem.width)
     linear = problem.linearise(state[:-1], command, disturbance)
     n, batch = linear.A.shape[:2]
-    size = STATES + problem.lasting
+    states = problem.states
+    size = states + problem.lasting
     A, B = np.zeros((n, batch, size, size)), np.zeros((n, batch, size, INPUTS))
-    A[..., :STATES, :STATES], A[..., :STATES, STATES:] = linear.A, linear.D
-    A[..., STATES:, STATES:] = np.diag(decay)
-    B[..., :STATES, :] = linear.B
-    by_state = np.zeros((n, batch, RESIDUALS, size))
-    by_state[..., :STATES] = problem.residual_by_state(state[:-1])
+    A[..., :states, :states], A[..., :states, states:] = linear.A, linear.D
+    A[..., states:, states:] = np.diag(decay)
+    B[..., :states, :] = linear.B
+    by_state = np.zeros((n, batch, problem.residuals, size))
+    by_state[..., :states] = problem.residual_by_state(state[:-1])
     exact, end, slope = (
-        np.zeros((n, batch, RESIDUALS)),
+        np.zeros((n, batch, problem.residuals)),
         np.zeros((batch, size, size)),
         np.zeros((batch, size)),
     )

@@ -12,7 +12,7 @@ they are there to keep the robot on the reference's branch, F and the commands s
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -74,15 +74,53 @@ class Linear(NamedTuple):
     D: FloatArray  # (..., 7, lasting) by slip, unexplained θ̈2 and, where it is learned, gravity, c
 
 
+class Problem(Protocol):
+    """What Gauss-Newton needs to know, of one trailer or of a train.
+
+    Attributes:
+        states, residuals: numbers of a state and of a residual.
+        width, lasting: numbers of a disturbance, and of those that the linear problem knows.
+        residual_by_command: (residuals, 2) derivative of r by the command, everywhere.
+    """
+
+    states: int
+    residuals: int
+    width: int
+    lasting: int
+    residual_by_command: FloatArray
+
+    def next_state(
+        self, state: FloatArray, command: FloatArray, disturbance: FloatArray
+    ) -> FloatArray:
+        """(..., states) one period later, under a constant disturbance (..., width)."""
+
+    def within_limits(self, state: FloatArray, wish: FloatArray) -> FloatArray:
+        """(..., 2) desired speeds, clipped to what the servos reach from a state in one period."""
+
+    def residual(
+        self, state: FloatArray, command: FloatArray, target: Target, k: int | slice
+    ) -> FloatArray:
+        """(..., residuals) r at samples k of the target."""
+
+    def residual_by_state(self, state: FloatArray) -> FloatArray:
+        """(..., residuals, states) derivative of r by the state."""
+
+    def linearise(self, state: FloatArray, command: FloatArray, disturbance: FloatArray) -> Linear:
+        """Derivatives of the next state, all samples at once."""
+
+
 class TrackingProblem:
     """Dynamics, residuals and their derivatives.
 
     Attributes:
+        states, residuals: numbers of a state and of a residual.
         residual_by_command: (6, 2) derivative of r by the command, everywhere.
         width: numbers of a disturbance: slip (3), unexplained θ̈2 and, with a law that learns, the
             five of `dynamics.influence`.
         lasting: how many of these the linear problem knows.
     """
+
+    states, residuals = STATES, RESIDUALS
 
     def __init__(
         self,

@@ -22,8 +22,6 @@ import numpy as np
 
 from ttwmr_mj.dynamics.flatness import flat_output_acceleration
 from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
-from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.kinematics import (
     constraint_residual,
     to_body,
@@ -31,9 +29,10 @@ from ttwmr_mj.dynamics.kinematics import (
     workspace_rate,
 )
 from ttwmr_mj.dynamics.kinetics import lateral_force, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.dynamics.train import hitch_torques, swing_matrix, trailer_accelerations
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.state import THETA2, BoolArray, FloatArray, hitch_angles
 
 SIDE_SLIP_M_S = 1e-3  # a hundredth of a slow robot's speed
 HITCH_TORQUE_N_M = 1e-5  # a hundredth of what a small dry friction gives
@@ -138,7 +137,6 @@ def check_feasibility(
     wheel_rate = wheels_from_twist(acceleration[..., :2], robot)
     torque, grip = _forces(q, twist, acceleration, robot)
     torque = torque + servo.reflected_inertia_kg_m2 * wheel_rate
-    along = flat_output_acceleration(q[..., 3], rate[..., 3], reference.acceleration_m_s2, robot)
 
     def at_most(name: str, unit: str, values: FloatArray, limit: float) -> Demand:
         size = np.fmax.reduce(np.abs(values).reshape(len(q), -1), axis=1)  # NaN: all are
@@ -154,23 +152,36 @@ def check_feasibility(
         at_most("grip", "N", grip, floor_friction * _weight_on_wheels(robot)),
     ]
     if workspace_m is not None:
-        checks.append(at_most("workspace", "of half", _reach(q, workspace_m), 1.0))
+        checks.append(at_most("workspace", "of half", _reach(q, workspace_m, robot), 1.0))
+    if len(robot.trailers) == 1:
+        checks.append(_flatness(reference, robot))
+    return Feasibility(tuple(checks))
+
+
+def _flatness(reference: ReferencePath, robot: RobotParameters) -> Demand:
+    theta2, rate = reference.theta2_rad, reference.theta_rate[..., 1]
+    along = flat_output_acceleration(theta2, rate, reference.acceleration_m_s2, robot)
     least = np.fmin.reduce(np.hypot(along[..., 0], along[..., 1]), axis=1)
     note = _check(
         reference.time_s, "flatness, least |F''|", "m/s²", -least, -LEAST_ACCELERATION_M_S2
     )
-    checks.append(replace(note, worst=-note.worst, limit=-note.limit, binding=False))
-    return Feasibility(tuple(checks))
+    return replace(note, worst=-note.worst, limit=-note.limit, binding=False)
 
 
 def _missing_torque(reference: ReferencePath, robot: RobotParameters) -> FloatArray:
-    """(n, batch) hitch torque that is demanded and that nothing provides [N·m]."""
+    """(n, batch, trailers) hitch torques that are demanded and that nothing provides [N·m]."""
     q, rate = reference.q, reference.q_rate
-    free = trailer_acceleration(q[..., 3], reference.acceleration_m_s2, robot)
-    demand = robot.swing_inertia_kg_m2 * (reference.theta_acceleration[..., 1] - free)
-    hitch, hitch_rate = q[..., 3] - q[..., 2], rate[..., 3] - rate[..., 2]
-    demand = demand - spring_damper_torque(hitch, hitch_rate, robot.hitch)
-    return np.maximum(np.abs(demand) - robot.hitch.coulomb_friction_n_m, 0.0)
+    theta, turn = q[..., THETA2:], rate[..., THETA2:]
+    free = trailer_accelerations(theta, turn, reference.acceleration_m_s2, robot)
+    missing = reference.theta_acceleration[..., 1:] - free
+    if theta.shape[-1] == 1:
+        demand = robot.swing_inertia_kg_m2 * missing
+    else:  # each hitch carries what is behind it
+        load = (swing_matrix(theta, robot) @ missing[..., None])[..., 0]
+        demand = load[..., ::-1].cumsum(axis=-1)[..., ::-1]
+    demand = demand - hitch_torques(hitch_angles(q), hitch_angles(rate), robot)
+    dry = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
+    return np.asarray(np.maximum(np.abs(demand) - dry, 0.0))
 
 
 def _forces(
@@ -182,8 +193,9 @@ def _forces(
     """
     q, twist, acceleration = q.copy(), twist.copy(), acceleration.copy()
     for values, stand_in in ((q, 2), (twist, 1), (acceleration, 1)):
-        last = values[..., -1]
-        values[..., -1] = np.where(np.isnan(last), values[..., stand_in], last)
+        behind = values[..., stand_in + 1 :]
+        ahead = values[..., stand_in, None]
+        values[..., stand_in + 1 :] = np.where(np.isnan(behind), ahead, behind)
     load = np.einsum("...ij,...j", reduced_mass_matrix(q, robot), acceleration)
     load = load + reduced_bias(q, twist, robot)
     drive = 0.5 * load[..., 0]
@@ -200,13 +212,20 @@ def _weight_on_wheels(robot: RobotParameters) -> float:
     return GRAVITY_M_S2 * tractor.mass_kg * share
 
 
-def _reach(q: FloatArray, workspace_m: tuple[float, float]) -> FloatArray:
+def _reach(q: FloatArray, workspace_m: tuple[float, float], robot: RobotParameters) -> FloatArray:
     """(n, batch) how far the robot reaches, in half workspaces; P alone where θ2 is undefined."""
     half = 0.5 * np.array(workspace_m)
-    parts = [q[..., :2]]
-    for column, reach in ((2, FRONT_LABEL_M), (3, -REAR_LABEL_M)):
+    parts, hitch = [q[..., :2]], q[..., :2]
+    reaches = [t.next_hitch_offset_m or 0.0 for t in robot.trailers]
+    for column, reach in (
+        (2, FRONT_LABEL_M),
+        *((3 + i, -REAR_LABEL_M) for i in range(len(reaches))),
+    ):
         angle = q[..., column : column + 1]
-        parts.append(q[..., :2] + reach * np.concatenate([np.cos(angle), np.sin(angle)], axis=-1))
+        along = np.concatenate([np.cos(angle), np.sin(angle)], axis=-1)
+        parts.append(hitch + reach * along)
+        if column > 2:
+            hitch = hitch - reaches[column - 3] * along
     return np.asarray(np.fmax.reduce([np.abs(part / half).max(axis=-1) for part in parts]))
 
 

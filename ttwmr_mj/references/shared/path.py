@@ -20,11 +20,12 @@ class ReferencePath:
         time_s: (n,) sample times.
         derivatives: (n, batch, 5, 2) position of P and its derivatives to the fourth
             [m, m/s, m/s², m/s³, m/s⁴].
-        theta: (n, batch, 2) θ1 and θ2 [rad], unwrapped; NaN where the reference defines none.
-        theta_rate: (n, batch, 2) [rad/s]; NaN where undefined.
-        theta_acceleration: (n, batch, 2) [rad/s²]; NaN where undefined.
-        flat_derivatives: (n, batch, 5, 2) the trailer's centre of oscillation and its derivatives
-            to the fourth, of references that give it or can.
+        theta: (n, batch, 1 + trailers) θ1, θ2, … [rad], unwrapped; NaN where the reference defines
+            none.
+        theta_rate: (n, batch, 1 + trailers) [rad/s]; NaN where undefined.
+        theta_acceleration: (n, batch, 1 + trailers) [rad/s²]; NaN where undefined.
+        flat_derivatives: (n, batch, 5, 2) the last trailer's centre of oscillation and its
+            derivatives to the fourth, of references that give it or can.
     """
 
     time_s: FloatArray
@@ -51,7 +52,7 @@ class ReferencePath:
         """The paths of as many simulations as one; of batch 1 where all are equal.
 
         Args:
-            paths: of batch 1, at the same times; all have flat derivatives, or none has.
+            paths: of batch 1, at the same times; without flat derivatives if any has none.
         """
         first, names = paths[0], [field.name for field in fields(ReferencePath)][1:]
         distinct = {id(path): path for path in paths}
@@ -60,7 +61,8 @@ class ReferencePath:
         rows: dict[str, Any] = {}
         for name in names:
             parts = [getattr(path, name) for path in paths]
-            rows[name] = None if parts[0] is None else np.concatenate(parts, axis=1)
+            there = all(part is not None for part in parts)
+            rows[name] = np.concatenate(parts, axis=1) if there else None
         return ReferencePath(first.time_s, **rows)
 
     @property
@@ -80,12 +82,12 @@ class ReferencePath:
 
     @property
     def q(self) -> FloatArray:
-        """(n, batch, 4) x, y, θ1, θ2 (Eq. 2), NaN where undefined."""
+        """(n, batch, 3 + trailers) x, y, θ1, θ2, … (Eq. 2), NaN where undefined."""
         return np.concatenate([self.position_m, self.theta], axis=-1)
 
     @property
     def q_rate(self) -> FloatArray:
-        """(n, batch, 4) rates of q, NaN where undefined."""
+        """(n, batch, 3 + trailers) rates of q, NaN where undefined."""
         return np.concatenate([self.velocity_m_s, self.theta_rate], axis=-1)
 
     @property

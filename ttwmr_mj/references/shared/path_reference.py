@@ -1,7 +1,7 @@
 """References of P: a geometric path travelled by a time law."""
 
 from abc import abstractmethod
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -29,8 +29,11 @@ class PathReference(Reference):
       constant speed, its COM P − l·(cos θ2, sin θ2) outside. NaN where the path is straight; θ2
       jumps by π where the curvature changes sign.
     - none: NaN.
+
+    More trailers are as the first.
     """
 
+    leads_trains: ClassVar[bool] = True
     theta2: Theta2Option = Field(
         default="none",
         description="reference of θ2: along the tractor (aligned), radially outward as a free "
@@ -58,14 +61,15 @@ class PathReference(Reference):
         Angles are unwrapped from sample to sample, so the path must turn by less than π between
         two of them; the first θ1 is in (−π, π].
         """
-        del robot
+        trailers = 1 if robot is None else len(robot.trailers)
         time_s = np.asarray(time_s, dtype=np.float64)
         sigma = self.time_law().derivatives(time_s)
         path = self.path_derivatives(sigma[0])
         theta1 = _heading(path, sigma)
-        theta = np.stack([theta1, theta1 + self._theta2_offset(path)], axis=-1)
+        theta2 = theta1 + self._theta2_offset(path)
         # θ2's rates are θ1's, and undefined where θ2 is.
-        theta[1:, :, 1] = np.where(np.isnan(theta[0, :, 1]), np.nan, theta1[1:])
+        theta2[1:] = np.where(np.isnan(theta2[0]), np.nan, theta1[1:])
+        theta = np.stack([theta1, *[theta2] * trailers], axis=-1)
         return ReferencePath(
             time_s=time_s,
             derivatives=np.moveaxis(compose(path, sigma), 0, 1)[:, None],

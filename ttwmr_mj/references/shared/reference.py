@@ -1,7 +1,7 @@
 """What every reference is: options of a scenario that know the motion they describe."""
 
 from abc import ABC, abstractmethod
-from typing import Annotated, get_args
+from typing import Annotated, ClassVar, get_args
 
 import numpy as np
 from pydantic import Field
@@ -22,8 +22,13 @@ Rate = Annotated[
 
 
 class Reference(Config, ABC):
-    """One kind of reference. A subclass declares `kind: Literal["its_name"] = "its_name"`."""
+    """One kind of reference. A subclass declares `kind: Literal["its_name"] = "its_name"`.
 
+    Attributes:
+        leads_trains: whether it has the motion of more than one trailer.
+    """
+
+    leads_trains: ClassVar[bool] = False
     kind: str
 
     def faults(self, robot: RobotParameters) -> list[Fault]:

@@ -13,8 +13,8 @@ NOT_MEANT = "†"
 CAPTION = (
     "Error, mm; of several runs the median and its interval, and how many followed where not all "
     "did. The verdict stands where none did. Bold: significantly better than every other law of "
-    f"the row. {NOT_MEANT}: the law is not made for the task. Empty: not in the suite. Controllers "
-    "with the smaller share of failures first."
+    f"the row. {NOT_MEANT}: the law is not made for the task. Empty: not in the suite, or not run. "
+    "Controllers with the smaller share of failures first."
 )
 
 Table = list[list[str]]

@@ -26,7 +26,7 @@ class Deviation:
     """
 
     time_s: FloatArray  # (n,)
-    q: FloatArray  # (n, 4) difference of x, y [m], θ1, θ2 [rad]
+    q: FloatArray  # (n, 3 + trailers) difference of x, y [m], θ1, θ2, … [rad]
     path_m: FloatArray  # (n,) length of the analytic model's path so far
     heading_rad: FloatArray  # (n,) θ1 of the analytic model, to tell ahead from aside
 
@@ -61,8 +61,8 @@ class Deviation:
     @property
     def angle_curves(self) -> dict[str, FloatArray]:
         """Differences of the angles (n,) [rad]."""
-        theta1, theta2 = self.q[:, THETA1], self.q[:, THETA2]
-        return {"θ1": theta1, "θ2": theta2, "hitch": theta2 - theta1}
+        angles = {f"θ{i}": angle for i, angle in enumerate(self.q[:, THETA1:].T, start=1)}
+        return angles | {"hitch": self.q[:, THETA2] - self.q[:, THETA1]}
 
     def numbers(self) -> Numbers:
         """Keys and numbers of compare.json; a share of the path is None where nobody moved."""
@@ -77,7 +77,7 @@ class Deviation:
             "along_deviation_max_m": largest(along),
             "aside_deviation_max_m": largest(aside),
         }
-        names = ("theta1", "theta2", "hitch_angle")
+        names = [*(f"theta{i}" for i in range(1, self.q.shape[1] - 1)), "hitch_angle"]
         for name, angle in zip(names, self.angle_curves.values(), strict=True):
             numbers[f"{name}_deviation_max_rad"] = largest(angle)
             numbers[f"{name}_deviation_rms_rad"] = rms(angle)

@@ -100,11 +100,15 @@ def _draw_paths(figure: Figure, pair: Pair) -> None:
 
 def _draw_deviation(figure: Figure, pair: Pair) -> None:
     deviation = pair.deviation
-    panels = {
+    panels: dict[str, tuple[dict[str, FloatArray], tuple[str, ...]]] = {
         "P, contact −\nanalytic [mm]": (deviation.position_curves, (TRACTOR, HITCH, TRAILER)),
         "angles [mrad]": (deviation.angle_curves, (TRACTOR, TRAILER, HITCH)),
     }
-    _over_time(figure, deviation.time_s, panels, (1.5, 1.5, 1.5))
+    if (more := len(deviation.angle_curves) - 3) > 0:  # of a train: all angles, no hitch
+        angles = {name: curve for name, curve in deviation.angle_curves.items() if name != "hitch"}
+        colours = (TRACTOR, TRAILER, GREEN, VERMILION, SKY, GREY)[: 2 + more]
+        panels["angles [mrad]"] = (angles, colours)
+    _over_time(figure, deviation.time_s, panels, (1.5,) * 6)
 
 
 def _draw_slip(figure: Figure, pair: Pair) -> None:
@@ -127,7 +131,7 @@ def _over_time(
     figure.set_size_inches(TALL_SIZE_IN)
     rows = figure.subplots(len(panels), sharex=True)
     for axes, (label, (curves, colours)) in zip(rows, panels.items(), strict=True):
-        for (name, values), colour, width in zip(curves.items(), colours, widths, strict=True):
+        for (name, values), colour, width in zip(curves.items(), colours, widths, strict=False):
             axes.plot(time_s, 1e3 * values, color=colour, linewidth=width, label=name)
         axes.set_ylabel(label)
         axes.margins(x=0.01)

@@ -128,11 +128,13 @@ class Replay:
         self._plant = plant
         self._steps = round(scenario.control.sampling_time_s / plant.time_step_s)
         self._command: FloatArray | None = None  # of the last sample so far
+        self._trailers = len(scenario.robot.trailers)
         plant.reset(initial_state(scenario, sample_reference(scenario), plant.nsim))
 
     def follow(self, time_s: FloatArray, commands: FloatArray) -> Trajectory:
         """The next rows, at times (n,), and what was commanded at each (n, 2)."""
-        plant, rows = self._plant, Trajectory.empty(time_s, self._plant.nsim)
+        plant = self._plant
+        rows = Trajectory.empty(time_s, plant.nsim, trailers=self._trailers)
         for k, command in enumerate(commands):
             if self._command is not None:
                 plant.advance(self._command, self._steps)
@@ -150,6 +152,7 @@ def follow_wheels(run: ContactRun) -> Trajectory:
     Every period is a stretch for `shooting`.
     """
     was, robot, scenario = run.trajectory, run.robot, run.scenario
+    width = was.q.shape[-1]
     stretches, speeds = run.physics.stretches(scenario.steps_per_period)
     twist = twist_from_wheels(speeds, robot)
     timing = scenario.control.sampling_time_s, scenario.plant.analytic.max_step_s
@@ -157,16 +160,16 @@ def follow_wheels(run: ContactRun) -> Trajectory:
     def ends(states: FloatArray, which: slice) -> FloatArray:
         tiled = [np.concatenate([part[:, which]] * len(states), axis=1) for part in stretches]
         twists = np.tile(twist[:-1][which], (len(states), 1))
-        q, swing_rate = states[..., :-1].reshape(-1, 4), states[..., -1].ravel()
+        q, swing_rate = (part.reshape(-1, part.shape[-1]) for part in np.split(states, [width], -1))
         plant = AnalyticPlant(robot, len(q), *timing, ground=scenario.ground)
         plant.reset(RobotState(q, q_rate(q, np.column_stack([twists, swing_rate]))))
         plant.follow(Stretches(*tiled), np.tile(speeds[1:][which], (len(states), 1)))
         now = plant.state()
-        return np.column_stack([now.q, now.q_rate[:, THETA2]]).reshape(states.shape)
+        return np.column_stack([now.q, now.q_rate[:, THETA2:]]).reshape(states.shape)
 
-    states, _ = shoot(ends, np.column_stack([was.q[:, 0], was.q_rate[:, 0, THETA2]]))
-    q, rates = states[:, :-1], np.column_stack([twist, states[:, -1]])
-    rows = Trajectory.empty(was.time_s, nsim=1)
+    states, _ = shoot(ends, np.column_stack([was.q[:, 0], was.q_rate[:, 0, THETA2:]]))
+    q, rates = states[:, :width], np.column_stack([twist, states[:, width:]])
+    rows = Trajectory.empty(was.time_s, nsim=1, trailers=width - THETA2)
     rows.q[:, 0], rows.q_rate[:, 0] = q, q_rate(q, rates)
     rows.wheel_speed_rad_s[:, 0] = run.physics.wheel_speed_rad_s[:: scenario.steps_per_period]
     rows.wheel_command_rad_s[:] = was.wheel_command_rad_s

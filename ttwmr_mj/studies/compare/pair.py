@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
-from ttwmr_mj.plants.mjcf import CONTACTS
+from ttwmr_mj.plants.names import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.build import sample_reference

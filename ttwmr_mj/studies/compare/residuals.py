@@ -7,13 +7,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from ttwmr_mj.dynamics.extended import driven_inertia
-from ttwmr_mj.dynamics.hitch import spring_damper_torque
-from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
-from ttwmr_mj.dynamics.kinetics import first_moments, gravity, kinetic_energy
+from ttwmr_mj.dynamics.kinetics import gravity, kinetic_energy
 from ttwmr_mj.dynamics.motor import Drive
+from ttwmr_mj.dynamics.train import (
+    hitch_torques,
+    on_trailers,
+    pivot_torque,
+    swing_bias,
+    swing_matrix,
+)
 from ttwmr_mj.plants.contact import read_contacts
-from ttwmr_mj.plants.mjcf import CONTACTS
+from ttwmr_mj.plants.names import CONTACTS, contacts
 from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
 from ttwmr_mj.studies.compare.deviation import Numbers, largest, rms
 from ttwmr_mj.studies.compare.motion import ContactRun
@@ -26,7 +31,7 @@ class Residuals:
     Attributes:
         time_s: (n,).
         slip_along_m_s: (n, 5) of the surfaces over the floor, forward, in the order of
-            `mjcf.CONTACTS`; along the tractor for its wheels and its ball, else along the trailer.
+            `names.contacts`; along the tractor for its wheels and its ball, else along the trailer.
         slip_aside_m_s: (n, 5) the same to the left.
         lateral_speed_m_s: (n,) Eq. 3: speed of P towards the tractor's right.
         trailer_torque_n_m: (n,) Eq. 17: torque about P that the trailer's motion lacks, mean over
@@ -48,7 +53,9 @@ class Residuals:
         """The residuals of a run."""
         rows = run.trajectory
         slip = read_contacts(rows.contact_readings[:, 0]).slip_m_s
-        owner = [THETA2 if "trailer" in name else THETA1 for name in CONTACTS]
+        names = contacts(len(run.robot.trailers))
+        balls = len(CONTACTS) - 2
+        owner = [THETA1] * balls + [THETA2 + i // 2 for i in range(len(names) - balls)]
         along, aside = to_body(rows.q[:, 0][:, owner], slip[..., 0], slip[..., 1])
         return cls(
             time_s=rows.time_s,
@@ -69,33 +76,37 @@ class Residuals:
             "energy_residual_max_j": largest(self.energy_lost_j),
             "energy_residual_final_j": float(self.energy_lost_j[-1]),
         }
-        for i, name in enumerate(CONTACTS):
+        for i, name in enumerate(contacts((self.slip_along_m_s.shape[1] - 3) // 2)):
             numbers[f"{name}_slip_along_max_m_s"] = largest(self.slip_along_m_s[:, i])
             numbers[f"{name}_slip_aside_max_m_s"] = largest(self.slip_aside_m_s[:, i])
         return numbers
 
 
 def _trailer_torque(run: ContactRun) -> FloatArray:
-    """(J2 + m2·l²)·θ̈2 + m2·l·(ẍ sin θ2 − ÿ cos θ2) − T, averaged over each period (Eq. 17).
+    """What Eq. 17 misses, averaged over each period [N·m]; of a train the row that misses most.
 
-    On a slope, gravity's pull is taken off ẍ and ÿ.
+    (J2 + m2·l²)·θ̈2 + m2·l·(ẍ sin θ2 − ÿ cos θ2) − T for one trailer. On a slope, gravity's pull is
+    taken off ẍ and ÿ.
     """
     robot, step = run.robot, run.scenario.plant.contact.timestep_s
     acceleration = np.diff(run.physics.q_rate, axis=0) / step
     acceleration[:, :2] -= run.scenario.ground.gravity_m_s2
-    theta2 = _mid_step(run.physics.q[:, THETA2]) - robot.lean_rad
-    _, tail = first_moments(robot)
-    swing = robot.swing_inertia_kg_m2 * acceleration[:, THETA2]
-    pull = tail * sideways(theta2, acceleration[:, 0], acceleration[:, 1])
-    torque = swing - pull - _hitch_torque(run)
-    return np.append(0.0, torque.reshape(-1, run.scenario.steps_per_period).mean(axis=1))
+    theta, rate = (_mid_step(q[:, THETA2:]) for q in (run.physics.q, run.physics.q_rate))
+    swing = (swing_matrix(theta, robot) @ acceleration[:, THETA2:, None])[..., 0]
+    swing = swing + swing_bias(theta, rate, robot)
+    missing = swing - pivot_torque(theta, acceleration[:, :2], robot)
+    missing = missing - on_trailers(_hitch_torques(run))
+    means = missing.reshape(-1, run.scenario.steps_per_period, theta.shape[1]).mean(axis=1)
+    worst = np.abs(means).argmax(axis=1)
+    return np.append(0.0, means[np.arange(len(means)), worst])
 
 
-def _hitch_torque(run: ContactRun) -> FloatArray:
-    """(steps,) torque of spring, damper and sliding friction on the trailer, mid-step."""
-    hitch = run.robot.hitch
-    angle, rate = (_mid_step(hitch_angles(q)[:, 0]) for q in (run.physics.q, run.physics.q_rate))
-    return spring_damper_torque(angle, rate, hitch) - hitch.coulomb_friction_n_m * np.sign(rate)
+def _hitch_torques(run: ContactRun) -> FloatArray:
+    """(steps, trailers) torques of springs, dampers and sliding friction, mid-step."""
+    robot = run.robot
+    angle, rate = (_mid_step(hitch_angles(q)) for q in (run.physics.q, run.physics.q_rate))
+    dry = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
+    return np.asarray(hitch_torques(angle, rate, robot) - dry * np.sign(rate))
 
 
 def _energy_lost(run: ContactRun) -> FloatArray:
@@ -107,7 +118,7 @@ def _energy_lost(run: ContactRun) -> FloatArray:
     drive = Drive.of(robot.servo, torque_input=run.scenario.control.torque_input)
     end_speed = wheels[1:]
     power = (drive.torque(physics.inputs, end_speed) * end_speed).sum(axis=1)
-    power += _hitch_torque(run) * _mid_step(hitch_angles(rate)[:, 0])
+    power += (_hitch_torques(run) * _mid_step(hitch_angles(rate))).sum(axis=1)
     weight = gravity(q, run.scenario.ground.gravity_m_s2, robot)
     power -= _mid_step((weight * rate).sum(axis=1))
     return np.asarray(np.append(0.0, np.cumsum(step * power)) - (kinetic - kinetic[0]))

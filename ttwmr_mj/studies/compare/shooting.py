@@ -15,11 +15,9 @@ from typing import Protocol
 
 import numpy as np
 
-from ttwmr_mj.dynamics.extended import STATES
 from ttwmr_mj.state import FloatArray
 
-MOVED = [2, 3, 4]  # the states that matter for rates: θ1, θ2, θ̇2
-VARIANTS = 1 + len(MOVED)  # of every stretch: as it is, and with each of these a little different
+FIRST = 2  # of the states that matter for rates: θ1, θ2, θ̇2; not x, y
 DIFFERENCE = 1e-6  # of these [rad, rad/s]: rounding and curvature both cost 1e-10
 CLOSED = 1e-9  # a correction after which the next would be of its square
 MAX_ROUNDS = 8  # smooth hitches take 3
@@ -32,7 +30,8 @@ class Ends(Protocol):
         """States at the ends of some stretches from those at their beginnings.
 
         Args:
-            states: (VARIANTS + parameters, n, STATES); each of the last has one parameter varied.
+            states: (variants + parameters, n, states): every stretch as it is, with each state
+                but x and y a little different, and with one parameter varied.
             which: the n stretches among all.
         """
 
@@ -42,11 +41,11 @@ def shoot(ends: Ends, guess: FloatArray, parameters: int = 0) -> tuple[FloatArra
 
     Args:
         ends: what makes a stretch.
-        guess: (n + 1, STATES) at the stretches' ends, the first where the motion starts.
+        guess: (n + 1, states) at the stretches' ends, the first where the motion starts.
         parameters: how many are varied.
 
     Returns:
-        The states (n + 1, STATES) and their differences (n + 1, STATES, parameters).
+        The states (n + 1, states) and their differences (n + 1, states, parameters).
     """
     for _ in range(MAX_ROUNDS):
         correction, slope = _newton(ends, guess, parameters)
@@ -56,21 +55,23 @@ def shoot(ends: Ends, guess: FloatArray, parameters: int = 0) -> tuple[FloatArra
     # dry friction can be too rough for it, and an unstable trailer run away from any guess
     guess = guess.copy()
     for k in range(len(guess) - 1):
-        start = np.tile(guess[k], (VARIANTS + parameters, 1, 1))
+        start = np.tile(guess[k], (guess.shape[1] - FIRST + 1 + parameters, 1, 1))
         guess[k + 1] = ends(start, slice(k, k + 1))[0, 0]
     return guess, _newton(ends, guess, parameters)[1]
 
 
 def _newton(ends: Ends, guess: FloatArray, parameters: int) -> tuple[FloatArray, FloatArray]:
-    """Correction (n + 1, STATES) of a guess, and the differences (n + 1, STATES, parameters)."""
-    changes = np.zeros((VARIANTS + parameters, 1, STATES))
-    changes[1:VARIANTS, 0, MOVED] = DIFFERENCE * np.eye(len(MOVED))
+    """Correction (n + 1, states) of a guess, and the differences (n + 1, states, parameters)."""
+    states = guess.shape[1]
+    variants = 1 + states - FIRST
+    changes = np.zeros((variants + parameters, 1, states))
+    changes[1:variants, 0, FIRST:] = DIFFERENCE * np.eye(states - FIRST)
     found = ends(guess[:-1] + changes, slice(None))
-    by_state = np.moveaxis(found[1:VARIANTS] - found[0], 0, -1) / DIFFERENCE  # of x, y: trivial
-    by_parameter = np.moveaxis(found[VARIANTS:] - found[0], 0, -1)
+    by_state = np.moveaxis(found[1:variants] - found[0], 0, -1) / DIFFERENCE  # of x, y: trivial
+    by_parameter = np.moveaxis(found[variants:] - found[0], 0, -1)
     added = np.concatenate([(found[0] - guess[1:])[..., None], by_parameter], axis=-1)
-    total = np.zeros((len(guess), STATES, 1 + parameters))
+    total = np.zeros((len(guess), states, 1 + parameters))
     for k in range(len(added)):
-        total[k + 1] = added[k] + by_state[k] @ total[k, MOVED[0] :]
-        total[k + 1, : MOVED[0]] += total[k, : MOVED[0]]
+        total[k + 1] = added[k] + by_state[k] @ total[k, FIRST:]
+        total[k + 1, :FIRST] += total[k, :FIRST]
     return total[..., 0], total[..., 1:]

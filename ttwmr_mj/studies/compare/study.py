@@ -203,6 +203,8 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         problem = "the extended model is driven by wheel speeds, this scenario by torques"
         hint = "set control.inner_loop to 'velocity_servo'"
         raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
+    if (count := len(scenario.robot.trailers)) > 1 and options.fit:
+        raise InputError.at("--fit", "the extended model has one trailer", got=f"{count} trailers")
 
 
 def _driver(options: Options) -> str:

@@ -8,7 +8,7 @@ from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches, cut, limit_speed
 from ttwmr_mj.state import THETA2, FloatArray
 from ttwmr_mj.studies.compare.motion import ContactRun
-from ttwmr_mj.studies.compare.shooting import VARIANTS, shoot
+from ttwmr_mj.studies.compare.shooting import FIRST, shoot
 
 # What a parameter is searched in: the size of a typical correction.
 SCALES = {
@@ -48,7 +48,7 @@ class Shooting:
         guess = self._guess
         if guess is None or len(guess) != len(stretches.duration_s) + 1:
             guess = self._contact_physics(stretches)
-        column = np.append(np.zeros(VARIANTS, np.intp), np.arange(1, len(columns)))
+        column = np.append(np.zeros(1 + STATES - FIRST, np.intp), np.arange(1, len(columns)))
 
         def ends(states: FloatArray, which: slice) -> FloatArray:
             parts = (part[which][:, column].swapaxes(0, 1) for part in stretches)

@@ -172,10 +172,10 @@ def _beside(slicing: Slicing, i: int) -> list[float]:
     """Where the i-th variant is drawn: a little to the right, so that none hides another."""
     places = np.array(slicing.places)
     if not slicing.numeric:
-        return (places + 0.08 * i).tolist()
+        return [float(place) for place in places + 0.08 * i]
     if slicing.axis.logarithmic:
-        return (places * (places.max() / places.min()) ** (BESIDE * i)).tolist()
-    return (places + BESIDE * i * np.ptp(places)).tolist()
+        return [float(place) for place in places * (places.max() / places.min()) ** (BESIDE * i)]
+    return [float(place) for place in places + BESIDE * i * np.ptp(places)]
 
 
 def _place_axis(axes: Axes, along: Along) -> None:

@@ -59,7 +59,7 @@ class Sweep:
     @cached_property
     def finished(self) -> BoolArray:
         """(n,) whether the run came to its end, lost or not."""
-        return self.table["status"].astype(str) == "ok"
+        return np.asarray(self.table["status"].astype(str) == "ok")
 
     def numbers(self, metric: str) -> FloatArray:
         """(n,) a metric; infinite where a run broke off or never got it, "worse than any"."""

@@ -65,8 +65,9 @@ class Slicing:
         """(n,) the part that each run is in."""
         column = sweep.table[self.axis.path]
         if not self.values:
-            return np.searchsorted(self.edges, column, side="right")
-        return np.argmax(np.stack([column == value for value in self.values]), axis=0)
+            return np.asarray(np.searchsorted(self.edges, column, side="right"))
+        parts = np.stack([column == value for value in self.values])
+        return np.asarray(np.argmax(parts, axis=0))
 
 
 @dataclass(frozen=True)

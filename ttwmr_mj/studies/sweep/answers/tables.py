@@ -12,7 +12,9 @@ from ttwmr_mj.studies.sweep.answers.read import Axis, Sweep
 from ttwmr_mj.studies.sweep.answers.slices import OUTER, Group
 from ttwmr_mj.studies.sweep.answers.words import Shown, number, parameter_label, percent
 
-RULES: dict[str, tuple[str, str]] = {**VERDICTS}  # by any text that a table may hold
+RULES: dict[str, tuple[str, str]] = {
+    str(name): said for name, said in VERDICTS.items()
+}  # by any text that a table may hold
 LOW, HIGH = (f"{100 * at:.0f} %" for at in OUTER)
 
 

@@ -147,7 +147,7 @@ class Range(Parameter):
         """Evenly, or by equal ratios."""
         if self.spacing == "log":
             return _log_uniform(self.low, self.high, share)
-        return self.low + (self.high - self.low) * share
+        return np.asarray(self.low + (self.high - self.low) * share)
 
 
 class Uniform(Parameter):
@@ -166,7 +166,7 @@ class Uniform(Parameter):
 
     def quantile(self, share: FloatArray) -> FloatArray:
         """Evenly."""
-        return self.low + (self.high - self.low) * share
+        return np.asarray(self.low + (self.high - self.low) * share)
 
 
 class LogUniform(Parameter):
