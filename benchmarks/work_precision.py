@@ -26,6 +26,7 @@ DURATION_S = 6.0  # an eighth of a lap of the lab circle, from standstill
 EVERY_S = 0.033
 PLACES = [0, 1, 3]  # of q: x, y of P, θ2
 SHIPPED = "shipped"
+MARKERS = "osD^v<>PX"
 
 
 class Setting(NamedTuple):
@@ -49,7 +50,7 @@ class Setting(NamedTuple):
         }
 
 
-LIMIT = Setting("limit", timestep_s=2.5e-5, time_constant_s=5e-5, impedance_ratio=100.0)
+LIMIT = Setting("limit", timestep_s=5e-5, time_constant_s=1e-4, impedance_ratio=100.0)
 SETTINGS = (
     Setting(SHIPPED),
     Setting("step 1 ms, 2 ms", 1e-3, 2e-3),
@@ -128,22 +129,11 @@ def draw(settings: list[Setting], path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure, axes = plt.subplots(figsize=(7.2, 4.6), layout="constrained")
-    for setting in settings:
-        shipped = setting.name == SHIPPED
-        axes.loglog(
-            1e3 * setting.cost,
-            1e3 * setting.error_m,
-            "s" if shipped else "o",
-            ms=8 if shipped else 5,
-        )
-        axes.annotate(
-            setting.name,
-            (1e3 * setting.cost, 1e3 * setting.error_m),
-            xytext=(5, 3),
-            textcoords="offset points",
-            fontsize=7,
-            weight="bold" if shipped else "normal",
-        )
+    for i, setting in enumerate(settings):
+        marker, size = ("*", 14) if setting.name == SHIPPED else (MARKERS[i % len(MARKERS)], 6)
+        place = 1e3 * setting.cost, 1e3 * setting.error_m
+        axes.loglog(*place, marker, ms=size, label=setting.name)
+    figure.legend(loc="outside right center", fontsize=8)
     axes.set_xlabel("CPU time per simulated second [ms]")
     axes.set_ylabel("largest error of P within 6 s [mm]")
     axes.grid(which="both", alpha=0.3)
