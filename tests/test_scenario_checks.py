@@ -245,7 +245,8 @@ def refused(overrides: list[str]) -> InputError | None:
 
 
 def test_no_check_is_forgotten() -> None:
-    assert [check.faults.__name__ for check in CHECKS] == list(PAIRS)
+    names = [check.faults.__name__ for check in CHECKS]
+    assert [name for name in names if name != "train_faults"] == list(PAIRS)  # see test_train*
 
 
 @pytest.mark.parametrize(("sound", "faulty", "key", "words"), CASES)

@@ -90,7 +90,7 @@ def test_the_power_of_all_forces_is_the_change_of_energy(robot: RobotParameters)
 
     growth = (after(1.0) - after(-1.0)) / (2 * step)
     wheels = (TORQUE * wheels_from_twist(XI[:, :2], robot)).sum(axis=1)
-    hitch = hitch_torque(Q, XI, robot) * (XI[:, 2] - XI[:, 1])
+    hitch = hitch_torque(Q, XI, robot)[:, 0] * (XI[:, 2] - XI[:, 1])
     velocity = q_rate(Q, XI)
     masses = robot.tractor.mass_kg, robot.trailer.mass_kg
     weight = np.zeros(len(Q))
@@ -133,7 +133,7 @@ def power_of_balls(velocity: np.ndarray, robot: RobotParameters) -> np.ndarray:
 def test_hitch_friction_opposes_and_the_spring_pulls_back() -> None:
     q, xi = np.array([0.0, 0.0, 0.1, 0.4]), np.array([0.0, 0.2, 0.7])
     expected = -0.02 * 0.3 - 1e-3 * 0.5 - 1e-3
-    assert float(hitch_torque(q, xi, HITCHED)) == pytest.approx(expected, rel=1e-12)
+    assert float(hitch_torque(q, xi, HITCHED)[0]) == pytest.approx(expected, rel=1e-12)
 
 
 # --- as a plant ------------------------------------------------------------------------------
