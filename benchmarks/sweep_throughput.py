@@ -39,7 +39,7 @@ from work_precision import draw, measured
 
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.runs.batch import run_batch
-from ttwmr_mj.runs.execute import metrics_of
+from ttwmr_mj.runs.metrics import metrics_of
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario

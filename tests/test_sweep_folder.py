@@ -14,12 +14,12 @@ import pytest
 
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.sweep.compute import Broke, Computed, Outcome, Unexpected, computed
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.execute import chunk_size, fill
 from ttwmr_mj.studies.sweep.folder import results
 from ttwmr_mj.studies.sweep.folder.extend import extend
-from ttwmr_mj.studies.sweep.folder.lock import locked
 from ttwmr_mj.studies.sweep.folder.merge import merge
 from ttwmr_mj.studies.sweep.folder.part import Part
 from ttwmr_mj.studies.sweep.folder.plan_file import refuse_other, stored_plan, write_plan

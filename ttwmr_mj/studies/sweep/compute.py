@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import os
 import traceback
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
-import numpy as np
-
 from ttwmr_mj.errors import RunError
+from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.jobs import Done, Event, Job, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD
 from ttwmr_mj.studies.sweep.engine import broken, table_of
@@ -108,27 +106,16 @@ def computed_shards(
     plan: Plan, chunks: Iterable[IntArray], compute: Compute
 ) -> Generator[Computed, None, None]:
     """Every chunk's shard, in the order in which they are done; what breaks is halved."""
-    halves: deque[IntArray] = deque()
-    waiting = iter(chunks)
 
-    def remaining() -> Iterator[IntArray]:
-        while True:
-            if halves:
-                yield halves.popleft()
-            elif (rows := next(waiting, None)) is not None:
-                yield rows
-            else:
-                return
+    def outcomes(some: Iterable[IntArray]) -> Generator[tuple[IntArray, Outcome], None, None]:
+        with closing(compute(plan, some)) as found:
+            for outcome in found:
+                yield outcome.rows, outcome
 
-    more = True
-    while more:  # a chunk may break when all others have been handed out
-        with closing(compute(plan, remaining())) as outcomes:
-            for outcome in outcomes:
-                if isinstance(outcome, Computed):
-                    yield outcome
-                elif len(outcome.rows) > 1:
-                    halves.extend(np.array_split(outcome.rows, 2))
-                else:
-                    table = broken(plan, int(outcome.rows[0]), outcome.reason)
-                    yield Computed(outcome.rows, to_bytes(table))
-        more = bool(halves)
+    pieces = in_halves(chunks, outcomes, lambda outcome: isinstance(outcome, Broke))
+    with closing(pieces) as found:
+        for rows, outcome in found:
+            if isinstance(outcome, Broke):
+                table = broken(plan, int(rows[0]), outcome.reason)
+                outcome = Computed(rows, to_bytes(table))
+            yield outcome
