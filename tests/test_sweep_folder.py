@@ -279,7 +279,7 @@ def test_parts_and_their_names() -> None:
 
 def test_chunks_suit_what_is_run(plan: Plan, tmp_path: Path) -> None:
     assert chunk_size(plan, 12) == 2
-    assert chunk_size(plan, 10**6) == 512  # a batch of each variant
+    assert chunk_size(plan, 10**6) == 128  # a batch of each variant
     camera = SMALL.replace("lab_circle", "lab_circle_camera").replace(
         ', "sensing.position_noise_m=1e-3"', ""
     )

@@ -234,7 +234,9 @@ def test_of_a_huge_plan_the_ends_and_some_rows_are_checked(
     assert 60 < len(rows) <= 100
     assert (rows % 3 == 0).all()  # one seed of each
     assert not checks.check_plan(plan, "mine")
+    assert checks.checked_text(plan).startswith(f"{len(rows)} of 300 different rows, drawn at")
     monkeypatch.undo()
+    assert checks.checked_text(plan) == "all 900 rows, as seeds change nothing: 300 different ones"
     assert checks._rows_to_check(plan).tolist() == list(range(0, 900, 3))
 
 

@@ -38,6 +38,7 @@ class Broke:
 
     rows: IntArray
     reason: str
+    of_machine: bool = False  # no fault of a run: killed from outside, no memory, no disk
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +89,7 @@ def _outcome(event: Event) -> Outcome:
         return computed(rows, event.result)
     if event.error is not None:
         raise event.error
-    return Broke(rows, event.reason)
+    return Broke(rows, event.reason, event.of_machine)
 
 
 def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
@@ -105,7 +106,11 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
 def computed_shards(
     plan: Plan, chunks: Iterable[IntArray], compute: Compute
 ) -> Generator[Computed, None, None]:
-    """Every chunk's shard, in the order in which they are done; what breaks is halved."""
+    """Every chunk's shard, in the order in which they are done; what breaks is halved.
+
+    Raises:
+        RunError: the machine kept a row from being run; the others may be there.
+    """
 
     def outcomes(some: Iterable[IntArray]) -> Generator[tuple[IntArray, Outcome], None, None]:
         with closing(compute(plan, some)) as found:
@@ -116,6 +121,9 @@ def computed_shards(
     with closing(pieces) as found:
         for rows, outcome in found:
             if isinstance(outcome, Broke):
+                if outcome.of_machine:
+                    last = outcome.reason.splitlines()[-1]
+                    raise RunError(f"row {rows[0]} was not run: {last}; the same command goes on")
                 table = broken(plan, int(rows[0]), outcome.reason)
                 outcome = Computed(rows, to_bytes(table))
             yield outcome
