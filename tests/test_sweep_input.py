@@ -110,6 +110,14 @@ BAD = {
         "parameters.seed: cannot be varied; seeds are given in `seeds`",
     ),
     "no seeds": (HEAD + "seeds = 0\n", "seeds: got 0; allowed: 1 to 1000000, or a list"),
+    "a first seed and a list": (
+        HEAD + "first_seed = 3\nseeds = [1]\n",
+        "first_seed: got 3; allowed: where seeds is a number",
+    ),
+    "seeds that are too large": (
+        HEAD + "first_seed = 4294967295\nseeds = 2\n",
+        "first_seed: got 4294967295; allowed: at most 4294967294 with 2 seeds",
+    ),
     "a seed twice": (HEAD + "seeds = [1, 1]\n", "seeds: got [1, 1]; allowed: one or more"),
     "samples of a grid": (HEAD + "samples = 5\n", "samples: got 5; a grid has none"),
     "sampling without samples": (
