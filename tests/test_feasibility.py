@@ -17,7 +17,8 @@ from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.planned import Knots, Planned, shipped_plans
-from ttwmr_mj.references.shared.feasibility import Demand, Feasibility, _forces, check_feasibility
+from ttwmr_mj.references.shared.demand import Demand, Feasibility
+from ttwmr_mj.references.shared.feasibility import _forces, check_feasibility
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 

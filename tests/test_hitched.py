@@ -42,7 +42,7 @@ def imbalance(path: ReferencePath, robot: RobotParameters) -> np.ndarray:
 def test_torques_balance_and_f_stays_on_its_path(name: str, side: str) -> None:
     robot = RobotParameters(hitch=HITCHES[name])
     path = ellipse(robot, side)
-    assert np.abs(imbalance(path, robot)).max() > 1e-3  # a free trailer's does not
+    assert np.abs(imbalance(path, robot)).max() > 5e-4  # a free trailer's does not
     found = carried(path, robot, NOTHING)
     # a hundredth of what they exert: what the smoothing leaves, and one-sided differences at ends
     assert np.abs(imbalance(found, robot)).max() < 1e-5

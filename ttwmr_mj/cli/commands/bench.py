@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.cli.shared import Quiet, warn
 
 
 class Bench(Quiet, name="bench"):
@@ -30,7 +30,13 @@ class Bench(Quiet, name="bench"):
         if not self.rescore:
             open_folder(folder, force=True)
             with progress_bar(suite.name, len(rows_of(suite)), "runs", self.quiet) as progress:
-                run_suite(suite, folder, workers=self.workers, progress=progress)
+                run_suite(
+                    suite,
+                    folder,
+                    workers=self.workers,
+                    progress=progress,
+                    told=None if self.quiet else warn,
+                )
         board = collect(suite, folder)
         title = f"{suite.name}: {suite.description}" if suite.description else suite.name
         write_leaderboard(board, folder, title)

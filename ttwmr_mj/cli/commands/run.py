@@ -23,8 +23,8 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
+        from ttwmr_mj.runs.foresight import foretold
         from ttwmr_mj.runs.progress import progress_bar
-        from ttwmr_mj.runs.verdict import warnings
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()
@@ -32,7 +32,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
         if not self.quiet:
-            warn(warnings(scenario))
+            warn(foretold(scenario))
         pace = self.make_pace()
         self.check_recording(scenario)
         folder = self.open_folder(scenario.name, scenario.seed)

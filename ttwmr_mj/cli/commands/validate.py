@@ -13,12 +13,12 @@ class Validate(Overrides, name="validate"):
     scenarios: tuple[str, ...] = argument(SCENARIO)
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.verdict import warnings
+        from ttwmr_mj.runs.foresight import foretold
 
         errors = []
         for scenario in self.scenarios:
             try:
-                warn(warnings(self.load(scenario)))
+                warn(foretold(self.load(scenario)))
             except InputError as error:
                 if self.debug:
                     raise

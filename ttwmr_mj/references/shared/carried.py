@@ -1,7 +1,8 @@
 """The same path of the trailer's centre of oscillation where other forces act on the trailer.
 
 On a slope, with balls that resist or with a spring or damper in the hitch, F can still go where it
-should, but θ2 and P that carry it there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (`dynamics.influence`, d: all but gravity),
+should, but θ2 and P that carry it there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (d: all but
+gravity, `dynamics.influence`),
 
     F'' − g_p + k·d·n = a·t,
 

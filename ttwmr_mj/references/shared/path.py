@@ -47,6 +47,19 @@ class ReferencePath:
             flat_derivatives=None if flat is None else flat[:count],
         )
 
+    def at_pace(self, pace: float) -> "ReferencePath":
+        """The same way in 1/pace of the time."""
+        orders = pace ** np.arange(5.0)[:, None]
+        flat = self.flat_derivatives
+        return ReferencePath(
+            time_s=self.time_s / pace,
+            derivatives=self.derivatives * orders,
+            theta=self.theta,
+            theta_rate=self.theta_rate * pace,
+            theta_acceleration=self.theta_acceleration * pace**2,
+            flat_derivatives=None if flat is None else flat * orders,
+        )
+
     @staticmethod
     def beside(paths: "Sequence[ReferencePath]") -> "ReferencePath":
         """The paths of as many simulations as one; of batch 1 where all are equal.

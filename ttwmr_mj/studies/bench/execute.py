@@ -1,12 +1,13 @@
 """Runs the rows of a suite that are not there yet, several at a time."""
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json
+from ttwmr_mj.runs.foresight import foretold
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of
@@ -32,7 +33,12 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
 
 
 def run_suite(
-    suite: Suite, folder: Path, *, workers: int | None = None, progress: Progress | None = None
+    suite: Suite,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    told: Callable[[list[str]], None] | None = None,
 ) -> None:
     """Run every row whose result is missing or outdated; after an interruption, call it again.
 
@@ -41,12 +47,15 @@ def run_suite(
         folder: gets runs/<row>/, each a run folder with a row.json beside its files.
         workers: processes at a time; None: one per processor.
         progress: called with the number of rows done.
+        told: called before the first run with what no law can do, in lines.
 
     Raises:
         InputError: some rows cannot run; none was started.
     """
     rows = {row.key: row for row in rows_of(suite)}
     scenarios = checked_scenarios(list(rows.values()))
+    if told is not None:
+        told(_foretold(scenarios.values()))
     tasks = {key: _task(row, scenarios[key], folder, suite.timeout_s) for key, row in rows.items()}
     missing = [key for key, task in tasks.items() if not task.is_done]
     for key in rows.keys() - set(missing):
@@ -60,6 +69,15 @@ def run_suite(
             tasks[key].mark_done()
             if progress is not None:
                 progress(float(done))
+
+
+def _foretold(scenarios: Iterable[Scenario]) -> list[str]:
+    """What tasks ask for and cannot get; of those that are alike but for the law, once."""
+    alike = {
+        (s.name, s.reference, s.robot, s.ground, s.plant, s.sensing, s.duration_s): s
+        for s in scenarios
+    }
+    return list(dict.fromkeys(line for one in alike.values() for line in foretold(one)))
 
 
 def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> Work:
