@@ -79,12 +79,12 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
 
 def _print_run(run: "execute.Run") -> None:
-    from ttwmr_mj.runs.report import headline, results, verdict_line
+    from ttwmr_mj.runs.report import headline, results_table, verdict_line
 
     print("\n".join(filter(None, [verdict_line(run.metrics), headline(run.metrics)])) + "\n")
-    rows = results(run.metrics) | {"real-time factor": f"{run.metrics['real_time_factor']:.3g}"}
-    for label, value in rows.items():
-        print(f"{label:38s} {value}")
+    print(results_table(run.metrics))
+    speed = f"{run.metrics['real_time_factor']:.3g} ×"
+    print(f"{'simulated by wall time':33s} {speed:>12s}  real_time_factor")
     if run.pace:
-        print(f"{'pace':38s} {run.pace}")
+        print(f"{'pace':33s} {run.pace:>12s}")
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")
