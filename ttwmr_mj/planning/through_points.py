@@ -5,8 +5,8 @@ so is how the time is shared among the legs; what is minimised is the jerk, in u
 the pace, so that the way does not depend on it. Limits give way at a price (`elastic`): a plan
 always comes out, and if it exceeds a limit it is refused, with the limit and where.
 
-A free trailer takes the same way at any pace. Where no duration is asked for, more time than the mean
-pace takes has a price too, far below that of a limit.
+A free trailer takes the same way at any pace. Where no duration is asked for, more time than the
+mean pace takes has a price too, far below that of a limit.
 """
 
 from __future__ import annotations
@@ -216,7 +216,8 @@ def _solve(
     problem.set_initial(legs_s, nominal)
     if progress is not None:
         problem.callback(progress)
-    quiet = {"print_level": 0, "sb": "yes", "max_iter": MOST_ITERATIONS, "tol": 1e-7}
+    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
+    quiet["max_iter"] = MOST_ITERATIONS
     problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
     try:
         solution = problem.solve()

@@ -21,7 +21,7 @@ ITERATIONS = 100  # that a plan takes, more or less
 
 
 class PlanCommand(Overrides, Quiet, name="plan"):
-    """Plan a motion of tractor and trailer through points, and write the scenario that drives it."""
+    """Plan a motion of tractor and trailer through points, and a scenario that drives it."""
 
     points: Path = argument(
         "points of P: a .csv with columns x_m, y_m, or an .svg whose first line is taken"

@@ -59,8 +59,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
                 f"{scenario.name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
                 f"{done.outcome.reason}; what was recorded is in {done.folder}"
             )
-        if not self.quiet:
-            _print_run(done)
+        print(done.folder) if self.quiet else _print_run(done)
         if self.require and not met:
             from ttwmr_mj.runs.report import verdict_line
 
