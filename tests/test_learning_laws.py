@@ -67,6 +67,7 @@ def errors(found: Result) -> FloatArray:
     return np.array([numbers[name] for name in names], dtype=np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", SLOW_MPC])
 def test_a_slope_that_nobody_told_of(law: str) -> None:
     found = errors(result(law, ("slope",), *SLOPE))
@@ -81,6 +82,7 @@ def test_a_slope_that_nobody_told_of(law: str) -> None:
         assert std[-1, 0] < 0.3 * std[0, 0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", SLOW_MPC])
 def test_rolling_resistance_that_nobody_told_of(law: str) -> None:
     found = result(law, ("rolling_resistance",), *ROLLING)
@@ -207,6 +209,7 @@ def test_another_trailer_that_is_believed_in_has_a_reference_of_its_own() -> Non
     assert np.abs(told.q - judged.q).max() > 5e-3
 
 
+@pytest.mark.slow
 def test_plans_are_made_anew_early_and_then_every_eight_seconds() -> None:
     law = Tvlqr(TvlqrOptions(learn=("slope",)))
     time_s = 0.033 * np.arange(1000)

@@ -162,6 +162,7 @@ def test_seeds_that_change_nothing_are_remarked_on(
     assert "warning" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_law_that_crashes_is_a_failed_row_and_takes_no_other_with_it(tmp_path: Path) -> None:
     (tmp_path / "crash.py").write_text(LAW)
     (tmp_path / "own.toml").write_text(
