@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Subcommand
+from ttwmr_mj.cli.engine import Subcommand, argument, option
 from ttwmr_mj.errors import InputError
 
 
