@@ -83,6 +83,16 @@ def test_a_slope_that_nobody_told_of(law: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("law", ["flatness", "tvlqr", "mpc"])
+def test_in_the_laboratory_motors_and_noise_are_not_taken_for_forces(law: str) -> None:
+    learn = ("slope", "rolling_resistance", "dry_friction", "viscous_friction")
+    with_it, without = (result(law, what, "world=lab") for what in (learn, ()))
+    assert with_it.verdicts[0].name == "followed"
+    if law != "flatness":  # whose feedback shakes with noise and motor, learning or not
+        assert errors(with_it)[0] < 0.5 * errors(without)[0]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", SLOW_MPC])
 def test_rolling_resistance_that_nobody_told_of(law: str) -> None:
     found = result(law, ("rolling_resistance",), *ROLLING)

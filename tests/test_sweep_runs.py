@@ -145,6 +145,7 @@ def test_a_dry_run_says_what_would_be_done_and_leaves_nothing(
     assert "reference.radius_m: 0.3, 0.4, 0.5" in told
     assert "metric     steady_centre_of_oscillation_rmse_m" in told
     assert "time: about " in told
+    assert "checked: all 12 rows, as seeds change nothing: 6 different ones" in told
     last = next(line for line in told.splitlines() if line.startswith("row 11: "))
     words = shlex.split(last.partition(": ")[2])
     assert words[:3] == ["ttwmr", "run", "lab_circle"]

@@ -29,22 +29,27 @@ class Bench(Quiet, name="bench"):
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
         from ttwmr_mj.studies.bench.scoring import collect
-        from ttwmr_mj.studies.bench.suite import load_suite
+        from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
         suite = load_suite(self.suite)
         folder = self.out or results_folder("bench", suite.name)
+        not_run: dict[str, str] = {}
         if not self.rescore:
             open_folder(folder, force=True)
-            self._run(suite, folder)
+            not_run = self._run(suite, folder)
+            if len(not_run) == len(rows_of(suite)):
+                raise RunError(_told(not_run))
         board = collect(suite, folder)
         title = f"{suite.name}: {suite.description}" if suite.description else suite.name
         write_leaderboard(board, folder, title)
         write_page(board, folder, title)
         print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
+        if not_run:
+            raise RunError(_told(not_run))
         return 0
 
-    def _run(self, suite: Suite, folder: Path) -> None:
-        """Run what is missing.
+    def _run(self, suite: Suite, folder: Path) -> dict[str, str]:
+        """Run what is missing; rows that were not, and why.
 
         Raises:
             RunError: the user stopped it; says what is kept.
@@ -56,7 +61,7 @@ class Bench(Quiet, name="bench"):
         count, told = len(rows_of(suite)), None if self.quiet else warn
         try:
             with progress_bar(suite.name, count, "runs", self.quiet) as progress:
-                run_suite(suite, folder, workers=self.workers, progress=progress, told=told)
+                return run_suite(suite, folder, workers=self.workers, progress=progress, told=told)
         except KeyboardInterrupt:
             done = len(list(folder.glob("runs/*/row.json")))
             again = shlex.join(_with_out(command_line(), folder))
@@ -69,3 +74,17 @@ def _with_out(words: list[str], folder: Path) -> list[str]:
     """The command, with the folder that it chose by itself."""
     chosen = any(word == "--out" or word.startswith("--out=") for word in words)
     return words if chosen else [*words, "--out", str(folder)]
+
+
+def _told(not_run: dict[str, str]) -> str:
+    """Which rows were not run, in a line for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for key, reason in not_run.items():
+        reasons.setdefault(reason.splitlines()[-1], []).append(key)
+    lines = [
+        f"  {keys[0]}{f' and {len(keys) - 1} more' if keys[1:] else ''}: {reason}"
+        for reason, keys in reasons.items()
+    ]
+    count = "1 row was" if len(not_run) == 1 else f"{len(not_run)} rows were"
+    head = f"{count} not run, which is no fault of a law; the same command tries again:"
+    return "\n".join([head, *lines])
