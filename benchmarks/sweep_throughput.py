@@ -63,7 +63,7 @@ class Sizes(NamedTuple):
     many: int  # and again
 
 
-FULL = Sizes(5, 1024, 10, 10.0, 3, 0.5, 100, 1_000, 10_000)
+FULL = Sizes(5, 1024, 10, 10.0, 2, 0.2, 100, 1_000, 10_000)
 QUICK = Sizes(1, 8, 3, 0.3, 1, 0.1, 4, 8, 16)
 
 

@@ -86,9 +86,6 @@ def test_the_xml_alone_is_the_default_robot() -> None:
     assert built.opt.integrator == plain.opt.integrator == mujoco.mjtIntegrator.mjINT_DISCRETE
     assert built.opt.timestep == plain.opt.timestep
     assert built.opt.impratio == plain.opt.impratio
-    assert built.opt.cone == plain.opt.cone == mujoco.mjtCone.mjCONE_ELLIPTIC
-    pyramidal = build_model(RobotParameters(), ContactOptions(friction_cone="pyramidal"))
-    assert pyramidal.opt.cone == mujoco.mjtCone.mjCONE_PYRAMIDAL
 
 
 def test_labels_are_visible_and_weightless() -> None:

@@ -1,6 +1,6 @@
 """How contact physics is solved, and the floor: chosen by measurement (models/README.md)."""
 
-from typing import Annotated, ClassVar, Literal
+from typing import Annotated, ClassVar
 
 from pydantic import Field
 
@@ -34,11 +34,6 @@ class ContactOptions(Config):
         le=1e5,
         description="stiffness of friction relative to the normal direction (impratio): "
         "larger slips less; typically 1 to 100",
-    )
-    friction_cone: Literal["elliptic", "pyramidal"] = Field(
-        default="elliptic",
-        description="shape of the contacts' friction cones; pyramidal halves the cost where the "
-        "balls resist rolling, and weakens this resistance by up to 30 % in some directions",
     )
     floor_friction: float = Field(
         default=0.9,

@@ -173,7 +173,6 @@ def _set_contact(
     spec.option.gravity = [x, y, -ground.normal_gravity_m_s2]
     spec.option.timestep = options.timestep_s
     spec.option.impratio = options.friction_impedance_ratio
-    spec.option.cone = getattr(mujoco.mjtCone, f"mjCONE_{options.friction_cone.upper()}")
     solref = [options.contact_time_constant_s, 1.0]
     count = len(robot.trailers)
     for i in range(count):
