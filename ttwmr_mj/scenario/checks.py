@@ -72,6 +72,7 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
     if given not in (0, count - 1):
         allowed = f"as many as there are trailers behind the first, {count - 1}"
         yield Fault(key=("initial", more), got=str(given), allowed=allowed)
+    yield from _whose_label(scenario)
     if count == 1:
         return
     for index, hitch in enumerate(scenario.robot.hitches[1:], start=1):
@@ -81,7 +82,6 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=place, got=f"{hitch.play_m:g}", problem=problem)
     problem = f"does not work with {count} trailers"
     refused = {
-        ("sensing", "kind"): (scenario.sensing.kind == "camera", repr(scenario.sensing.kind)),
         ("plant", "analytic", "extended"): (bool(scenario.plant.analytic.extended), "given"),
         ("plant", "analytic", "published_spring"): (
             scenario.plant.analytic.published_spring,
@@ -97,6 +97,20 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
     for key, (bad, got) in refused.items():
         if bad:
             yield Fault(key=key, got=got, problem=problem)
+
+
+def _whose_label(scenario: Scenario) -> Iterable[Fault]:
+    """Trailers that a camera's faults name."""
+    if scenario.sensing.kind != "camera":
+        return
+    faults, count = scenario.sensing.camera.faults, len(scenario.robot.trailers)
+    named = {"occluders": faults.occluders, "faded": faults.faded}
+    for table, given in named.items():
+        for index, fault in enumerate(given):
+            if (trailer := fault.model_dump()["trailer"]) > count:
+                key = ("sensing", "camera", "faults", table, str(index), "trailer")
+                allowed = f"at most {count}, the number of trailers"
+                yield Fault(key=key, got=str(trailer), allowed=allowed)
 
 
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
