@@ -11,10 +11,11 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.results.accept import SLIPPING_M_S
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray, wrap
+from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
 SETTLED_M = 0.01  # a run has settled when P stays this close to its reference until the end
 
@@ -40,7 +41,8 @@ def _final(values: FloatArray, _: FloatArray) -> float | None:
 
 
 def _share(values: FloatArray, _: FloatArray) -> float | None:
-    return float(values.mean())
+    defined = values[np.isfinite(values)]
+    return float(defined.mean()) if defined.size else None
 
 
 def _integral(values: FloatArray, time_s: FloatArray) -> float | None:
@@ -92,6 +94,10 @@ QUANTITIES = {
     "seen_position": "distance between the controller's estimate of P and the true P",
     "seen_theta1": "error of the controller's estimate of θ1",
     "seen_theta2": "error of the controller's estimate of θ2",
+    "tilt": "tilt of the tractor against the floor's plane",
+    "height": "height of P above where it stands",
+    "airborne": "at which a wheel does not touch the ground",
+    "slipping": f"at which a wheel slips faster than {SLIPPING_M_S:g} m/s",
     "blind": "at which the sensor's estimate was invalid",
 }
 _TRACKING = {
@@ -118,6 +124,10 @@ METRICS = {
     "estimator_theta1_rmse_rad": Metric(_rms, "seen_theta1"),
     "estimator_theta2_rmse_rad": Metric(_rms, "seen_theta2"),
     "blind_share": Metric(_share, "blind"),
+    "tilt_max_rad": Metric(_max, "tilt"),
+    "height_max_m": Metric(_max, "height"),
+    "airborne_share": Metric(_share, "airborne"),
+    "slipping_share": Metric(_share, "slipping"),
 }
 
 
@@ -139,8 +149,16 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
         "seen_theta1": wrap(seen[..., 2]),
         "seen_theta2": wrap(seen[..., 3]),
         "blind": ~rows.est_valid,
+        "tilt": rows.tilt_rad,
+        "height": rows.height_m,
+        "airborne": _where_known(rows.wheels_on_floor < 2, rows.wheels_on_floor),
+        "slipping": _where_known(rows.wheel_slip_m_s > SLIPPING_M_S, rows.wheel_slip_m_s),
     }
     return {name: values[:, 0] for name, values in batch.items()}
+
+
+def _where_known(condition: BoolArray, of: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(of), condition, np.nan)
 
 
 def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:

@@ -140,6 +140,10 @@ def unknown_to_the_models(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=(*table, "play_m"), got=f"{hitch.play_m:g}", problem=problem)
     if regions := scenario.ground.regions:
         yield Fault(key=("ground", "regions"), got=f"{len(regions)} regions", problem=problem)
+    if scenario.ground.terrain is not None:
+        yield Fault(key=("ground", "terrain"), got="a table", problem=problem)
+    if kerbs := scenario.ground.kerbs:
+        yield Fault(key=("ground", "kerbs"), got=f"{len(kerbs)} kerbs", problem=problem)
 
 
 def _frames(scenario: Scenario) -> Iterable[Fault]:
