@@ -264,6 +264,7 @@ class Casters(Config):
     )
 
 
+MOST_TRAILERS = 5  # a longer train has no room on its circles, and nothing is measured of it
 OUTDOOR_SCALE = 0.060 / 0.026  # λ, of the wheels
 
 
@@ -336,7 +337,8 @@ class RobotParameters(Config):
     trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
         default=(Trailer(),),
         min_length=1,
-        description="the trailers, front to back; [robot.trailer] is the first",
+        max_length=MOST_TRAILERS,
+        description="the trailers, at most five, front to back; [robot.trailer] is the first",
     )
     hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
         default=(Hitch(),),

@@ -91,6 +91,10 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             not scenario.controller.tows_trains,
             repr(scenario.controller.kind),
         ),
+        ("controller", "recovery"): (
+            getattr(scenario.controller, "recovery", None) == "mpc",
+            "'mpc'",
+        ),
         ("controller", "learn"): (bool(getattr(scenario.controller, "learn", ())), "given"),
         ("reference", "kind"): (not scenario.reference.leads_trains, repr(scenario.reference.kind)),
     }
