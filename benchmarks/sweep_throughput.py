@@ -39,7 +39,7 @@ from work_precision import draw, measured
 
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.runs.batch import run_batch
-from ttwmr_mj.runs.execute import metrics_of
+from ttwmr_mj.runs.metrics import metrics_of
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -63,7 +63,7 @@ class Sizes(NamedTuple):
     many: int  # and again
 
 
-FULL = Sizes(5, 1024, 10, 10.0, 3, 0.5, 100, 1_000, 10_000)
+FULL = Sizes(5, 1024, 10, 10.0, 2, 0.2, 100, 1_000, 10_000)
 QUICK = Sizes(1, 8, 3, 0.3, 1, 0.1, 4, 8, 16)
 
 

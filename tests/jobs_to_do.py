@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
 import time
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
 
 CALLS: list[int] = []
 
@@ -37,6 +38,18 @@ def leave_quietly() -> None:
 
 def crash() -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
+
+
+def killed() -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def find_the_disk_full() -> None:
+    raise OSError(errno.ENOSPC, "no space left on device")
+
+
+def miss_opengl() -> None:
+    raise MachineError("there is no OpenGL")
 
 
 def return_a_function() -> object:

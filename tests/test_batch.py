@@ -14,8 +14,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs import loop
 from ttwmr_mj.runs.batch import batch_key, run_batch
-from ttwmr_mj.runs.execute import metrics_of, run_scenario
+from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
+from ttwmr_mj.runs.metrics import metrics_of
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Estimate

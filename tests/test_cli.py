@@ -45,6 +45,7 @@ def ttwmr(*arguments: str, cwd: Path, timeout: float = 120) -> subprocess.Comple
     )
 
 
+@pytest.mark.slow
 def test_the_plots_of_the_article_are_drawn_on_demand(tmp_path: Path) -> None:
     lean = ["--set", "duration_s=0.3", "--set", "output.recording=false"]
     words = ["run", "lab_circle", *lean, "--set", "output.figures=false", "--paper-plots"]
@@ -55,6 +56,7 @@ def test_the_plots_of_the_article_are_drawn_on_demand(tmp_path: Path) -> None:
     assert not list((tmp_path / "out").glob("summary.*"))
 
 
+@pytest.mark.slow
 def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     done = ttwmr("run", "lab_circle", "--set", "duration_s=2.0", "--seed", "3", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -86,6 +88,7 @@ def test_run_leaves_a_complete_run_folder(tmp_path: Path) -> None:
     assert (again.seed, again.duration_s) == (3, 2.0)
 
 
+@pytest.mark.slow
 def test_the_same_command_gives_the_same_bytes_of_numbers(tmp_path: Path) -> None:
     files = []
     for name in ("a", "b"):
@@ -200,6 +203,7 @@ def test_help_needs_none_of_the_heavy_libraries(tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.slow
 def test_a_failed_run_is_exit_code_1_with_its_reason_and_its_files(tmp_path: Path) -> None:
     (tmp_path / "misbehaving.py").write_text((Path(__file__).parent / "misbehaving.py").read_text())
     (tmp_path / "mine.toml").write_text(
@@ -239,6 +243,7 @@ def recorded_rows(path: Path, *, torn: bool = False) -> int:
     return sum(batch.num_rows for batch in batches if "sim_time" in batch.schema.names)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_ends_a_run_cleanly(signum: signal.Signals, tmp_path: Path) -> None:
     process = start_long_run(tmp_path)

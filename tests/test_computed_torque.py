@@ -43,6 +43,7 @@ def numbers(result: Result) -> dict:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("plant", ["contact", "analytic"])
 def test_the_inverted_trailer_is_held_as_well_as_by_velocity_servos(plant: str) -> None:
     sets = ["duration_s=18.0", ON_IT, f"plant.kind={plant}"]

@@ -10,7 +10,15 @@ import pytest
 from scipy.linalg import expm
 
 from ttwmr_mj.controllers.shared.friction import FrictionOptions
-from ttwmr_mj.controllers.shared.learning import KNOWN, PLACES, PRIOR_STD, Learnable, Learner
+from ttwmr_mj.controllers.shared.learning import (
+    KNOWN,
+    MOTOR_MISSES,
+    PLACES,
+    PRIOR_STD,
+    UNEXPLAINED_TIME_S,
+    Learnable,
+    Learner,
+)
 from ttwmr_mj.controllers.shared.observer import Observed, Observer
 from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std
 from ttwmr_mj.dynamics.ground import Ground
@@ -18,6 +26,7 @@ from ttwmr_mj.dynamics.influence import DRAG, DRY, INFLUENCES, VISCOUS, influenc
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.motor import Motor
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo
@@ -162,7 +171,7 @@ def test_the_covariance_stays_symmetric_positive_and_below_the_prior() -> None:
     rng, filt = np.random.default_rng(1), learner(nsim=3)
     for k in range(300):
         body, velocity = rng.normal(size=(3, 5)), rng.normal(size=(3, 2))
-        filt.predict(body, velocity, rng.normal(size=3))
+        filt.predict(body, velocity, rng.normal(size=3), np.ones(3))
         P = filt._covariance
         np.testing.assert_allclose(P, np.swapaxes(P, 1, 2), rtol=1e-9, atol=1e-15)
         assert np.linalg.eigvalsh(P).min() > 0.0
@@ -177,21 +186,54 @@ def test_the_covariance_stays_symmetric_positive_and_below_the_prior() -> None:
 
 def test_the_covariance_moves_as_the_linear_system_does() -> None:
     rng, filt = np.random.default_rng(7), learner()
-    seen = rng.normal(size=(1, 5)), rng.normal(size=(1, 2)), rng.normal(size=1)
+    seen = rng.normal(size=(1, 5)), rng.normal(size=(1, 2)), rng.normal(size=1), np.ones(1)
     root = 0.1 * rng.normal(size=(KNOWN + INFLUENCES, KNOWN + INFLUENCES))
     P = 1e-3 * root @ root.T  # below the prior
     filt._covariance[0], G = P, np.zeros_like(P)
     G[0, 1] = G[1, 2] = 1.0
-    G[1, KNOWN:] = filt._factors(*seen)[0]
-    A = expm(PERIOD * G)
+    G[1, KNOWN:] = filt._factors(*seen[:3])[0]
+    A = expm(PERIOD * G)  # w is held for a period, and then forgotten in part
+    A[2, 2] = np.exp(-PERIOD / UNEXPLAINED_TIME_S)
     filt.predict(*seen)
     np.testing.assert_allclose(filt._covariance[0], A @ P @ A.T + filt._process, atol=1e-12)
+
+
+def test_what_a_motor_misses_makes_the_rate_less_sure() -> None:
+    robot = BELIEVED.model_copy(update={"servo": Servo(preset="fast", motor=Motor(preset="fast"))})
+    process = process_std(OPTIONS, PERIOD)
+    seen = np.zeros((1, 5)), np.zeros((1, 2)), np.zeros(1)
+    ideal, driven, still = (
+        Learner(EVERYTHING, one, PERIOD, 1, process, NOISE, 0.05)
+        for one in (BELIEVED, robot, robot)
+    )
+    change = np.array([2.0])  # rad/s
+    ideal.predict(*seen, change)
+    driven.predict(*seen, change)
+    still.predict(*seen, np.zeros(1))
+    missed = MOTOR_MISSES * 2.0 * robot.tractor.wheel_radius_m / robot.swing_length_m
+    more = driven._covariance - ideal._covariance
+    assert more[0, 1, 1] == pytest.approx(missed**2)
+    assert np.count_nonzero(more) == 1
+    np.testing.assert_array_equal(still._covariance, ideal._covariance)
+
+
+@pytest.mark.parametrize(("learn", "expected"), [(EVERYTHING, np.exp(-3.0)), (("slope",), 1.0)])
+def test_what_is_unexplained_is_forgotten_where_resistance_is_learned(
+    learn: tuple[Learnable, ...], expected: float
+) -> None:
+    observer = watcher(learn)
+    start, wheels = on_a_circle()
+    observer.update(seen_of(start.q, start.q_rate, np.zeros((1, 8))))
+    observer._past[-1] = observer._past[-1]._replace(unexplained=np.ones(1))
+    for _ in range(round(observer._patience + 3.0 * UNEXPLAINED_TIME_S / PERIOD)):
+        left = observer.commanded(wheels).unexplained
+    assert left[0] == pytest.approx(expected, rel=0.06)  # to the nearest period
 
 
 def test_forgetting_brings_the_prior_back_at_its_rate() -> None:
     filt = learner(("viscous_friction",))
     filt._covariance[:, KNOWN + VISCOUS, KNOWN + VISCOUS] = 0.0
-    still = np.zeros((1, 5)), np.zeros((1, 2)), np.zeros(1)
+    still = np.zeros((1, 5)), np.zeros((1, 2)), np.zeros(1), np.zeros(1)
     for _ in range(round(10.0 / PERIOD)):
         filt.predict(*still)
     # 1 % of the variance in a second
@@ -201,7 +243,9 @@ def test_forgetting_brings_the_prior_back_at_its_rate() -> None:
 def test_gain_is_that_of_the_textbook() -> None:
     filt, rng = learner(), np.random.default_rng(5)
     for _ in range(5):
-        filt.predict(rng.normal(size=(1, 5)), rng.normal(size=(1, 2)), rng.normal(size=1))
+        filt.predict(
+            rng.normal(size=(1, 5)), rng.normal(size=(1, 2)), rng.normal(size=1), np.ones(1)
+        )
     P, C, R = filt._covariance[0].copy(), np.eye(2, KNOWN + INFLUENCES), np.diag(np.square(NOISE))
     K = P @ C.T @ np.linalg.inv(C @ P @ C.T + R)
     np.testing.assert_allclose(filt.gain(np.ones(1, bool))[0], K, rtol=1e-9)

@@ -67,6 +67,7 @@ def errors(found: Result) -> FloatArray:
     return np.array([numbers[name] for name in names], dtype=np.float64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", SLOW_MPC])
 def test_a_slope_that_nobody_told_of(law: str) -> None:
     found = errors(result(law, ("slope",), *SLOPE))
@@ -81,6 +82,17 @@ def test_a_slope_that_nobody_told_of(law: str) -> None:
         assert std[-1, 0] < 0.3 * std[0, 0]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("law", ["flatness", "tvlqr", "mpc"])
+def test_in_the_laboratory_motors_and_noise_are_not_taken_for_forces(law: str) -> None:
+    learn = ("slope", "rolling_resistance", "dry_friction", "viscous_friction")
+    with_it, without = (result(law, what, "world=lab") for what in (learn, ()))
+    assert with_it.verdicts[0].name == "followed"
+    if law != "flatness":  # whose feedback shakes with noise and motor, learning or not
+        assert errors(with_it)[0] < 0.5 * errors(without)[0]
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", SLOW_MPC])
 def test_rolling_resistance_that_nobody_told_of(law: str) -> None:
     found = result(law, ("rolling_resistance",), *ROLLING)
@@ -207,6 +219,7 @@ def test_another_trailer_that_is_believed_in_has_a_reference_of_its_own() -> Non
     assert np.abs(told.q - judged.q).max() > 5e-3
 
 
+@pytest.mark.slow
 def test_plans_are_made_anew_early_and_then_every_eight_seconds() -> None:
     law = Tvlqr(TvlqrOptions(learn=("slope",)))
     time_s = 0.033 * np.arange(1000)

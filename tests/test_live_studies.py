@@ -89,6 +89,7 @@ def test_a_video_is_seen_while_it_is_tracked(tmp_path: Path) -> None:
     assert (tmp_path / "seen").read_bytes() == (tmp_path / "live" / "track.rrd").read_bytes()
 
 
+@pytest.mark.slow
 def test_a_viewer_that_runs_already_gets_every_row(tmp_path: Path) -> None:
     """Another's viewer is a server of Rerun here; what it has received is asked for again."""
     port = free_port(0)

@@ -50,6 +50,7 @@ def test_law_32_has_the_pole_of_its_equation() -> None:
     assert math.log(found) / -PERIOD_S == pytest.approx(rate, rel=0.01)
 
 
+@pytest.mark.slow
 def test_flatness_has_the_slowest_pole_of_its_equation() -> None:
     """(D + λ)⁴(D − iω) + κλ(λ + iω)⁴ = 0; sampling and observer move it by 3 %."""
     rate, turn = BANDWIDTH, 1.0

@@ -62,6 +62,7 @@ def test_near_the_reference_it_is_the_lqr() -> None:
     assert errors[1] < 0.2 * errors[0]
 
 
+@pytest.mark.slow
 def test_far_from_the_reference_it_recovers() -> None:
     """0.2 m and 0.8 rad off, the trailer inside, the servo at its limits."""
     far = with_mpc(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -11,6 +11,7 @@ import jobs_to_do
 import pytest
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.jobs import Done, Failed, Job, run_jobs
 
 
@@ -82,8 +83,43 @@ def test_a_job_that_takes_too_long_is_killed_with_all_it_started(tmp_path: Path)
     pids = tmp_path / "pids"
     jobs = [Job("slow", jobs_to_do.sleep_with_a_child, (pids,), timeout_s=3.0)]
     (event,) = run_jobs(jobs)
-    assert event == Failed(jobs[0], "timed out after 3 s")
+    assert event == Failed(jobs[0], "timed out after 3 s", late=True)
     wait_until_gone([int(pid) for pid in pids.read_text().split()])
+
+
+@pytest.mark.parametrize(
+    ("call", "of_machine"),
+    [
+        (jobs_to_do.killed, True),
+        (jobs_to_do.find_the_disk_full, True),
+        (jobs_to_do.miss_opengl, True),
+        (jobs_to_do.crash, False),
+        (jobs_to_do.break_off, False),
+        (jobs_to_do.refuse, False),
+    ],
+)
+def test_what_the_machine_did_is_told_from_what_the_job_did(call: object, of_machine: bool) -> None:
+    (event,) = run_jobs([Job("bad", call)], workers=1)  # type: ignore[arg-type]
+    assert isinstance(event, Failed)
+    assert (event.of_machine, event.late) == (of_machine, False)
+
+
+@pytest.mark.parametrize("bad", [{3}, {0, 1}, {6}, set(range(7))])
+def test_a_chunk_that_breaks_is_halved_until_the_piece_is_found(bad: set[int]) -> None:
+    started = []
+
+    def compute(
+        chunks: Iterable[tuple[int, ...]],
+    ) -> Generator[tuple[tuple[int, ...], bool], None, None]:
+        for chunk in chunks:
+            started.append(chunk)
+            yield chunk, bool(bad & set(chunk))
+
+    found = dict(in_halves([(0, 1, 2, 3), (4, 5, 6)], compute, lambda broke: broke))
+    assert {chunk[0] for chunk, broke in found.items() if broke} == bad
+    assert all(len(chunk) == 1 for chunk, broke in found.items() if broke)
+    assert sorted(i for chunk in found for i in chunk) == list(range(7))  # each once
+    assert len(started) == len(set(started))
 
 
 def test_closing_the_events_kills_what_is_under_way(tmp_path: Path) -> None:

@@ -51,6 +51,7 @@ def miss(rows: Trajectory, simulation: int = 0) -> np.ndarray:
     return np.concatenate([error[:, :2], wrap(error[:, 2:])], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", LAWS)
 def test_a_kick_that_loses_the_law_is_recovered_from(law: str) -> None:
     own = kicked(law, [-1.4], 'controller.recovery="own"', "duration_s=7").trajectory
@@ -66,6 +67,7 @@ def test_near_the_reference_it_changes_no_bit(law: str) -> None:
     assert np.array_equal(own.q, led.q)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ONE)
 def test_each_simulation_is_led_by_itself(law: str) -> None:
     """Handed over at different samples, or not at all: the same bits alone and in a batch."""
@@ -76,6 +78,7 @@ def test_each_simulation_is_led_by_itself(law: str) -> None:
         assert np.array_equal(batch.q[:, i], alone.q[:, 0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ONE)
 def test_a_mirrored_run_is_led_in_the_mirror(law: str) -> None:
     left = kicked(law, [1.4], "duration_s=1.5").trajectory
@@ -132,6 +135,7 @@ def test_the_wheel_map_goes_on_from_what_was_commanded_instead() -> None:
     assert after[1] == pytest.approx(other[1])
 
 
+@pytest.mark.slow
 def test_a_force_that_stays_does_not_keep_the_law_from_its_reference() -> None:
     """Balls that resist, untold: the cost stays up, and the law alone is far more exact."""
     key = "robot.casters.rolling_resistance_m"

@@ -92,6 +92,7 @@ def ttwmr(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
 
 
+@pytest.mark.slow
 def test_an_installed_package_adds_a_law_and_a_reference(tmp_path: Path) -> None:
     install(tmp_path, "still = plugin:StillOptions")
     done = ttwmr(tmp_path, "run", "plugged.toml", "--out", "out")

@@ -31,7 +31,7 @@ def scored(name: str, plant: str) -> Metrics:
 @pytest.mark.parametrize("name", list(shipped_scenarios()))
 def test_runs_finite_and_repeats_bit_for_bit(name: str, plant: str) -> None:
     by_camera = load_scenario(name).sensing.kind == "camera"  # a frame takes a while
-    overrides = [f"plant.kind={plant}", f"duration_s={1.5 if by_camera else 3.0}"]
+    overrides = [f"plant.kind={plant}", f"duration_s={0.7 if by_camera else 1.0}"]
     first, second = run(name, *overrides), run(name, *overrides)
     assert [outcome.status for outcome in first.outcomes] == ["ok"]
     assert np.isfinite(first.trajectory.q).all()

@@ -71,6 +71,7 @@ def turning(period: int) -> FloatArray:
     return np.array([[3.0 + np.sin(0.9 * period), 1.0 - np.cos(1.7 * period)]])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("hitch", [Hitch(), Hitch(coulomb_friction_n_m=2e-3)])
 def test_a_moving_tractor_feels_no_more_than_its_acceleration_less_gravity(hitch: Hitch) -> None:
     """The fine plant against the equation of motion, at the plant's own wheels' speeds."""

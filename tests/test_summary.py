@@ -78,6 +78,7 @@ def test_a_run_without_reference_has_no_errors(tmp_path: Path) -> None:
     assert {"θ2 [rad]", "tractor (P)"} <= set(shown)
 
 
+@pytest.mark.slow
 def test_a_run_that_broke_or_stood_still_is_drawn(tmp_path: Path) -> None:
     run = circle_run()
     broken = replace(run, q=run.q.copy())
@@ -89,6 +90,7 @@ def test_a_run_that_broke_or_stood_still_is_drawn(tmp_path: Path) -> None:
     write_summary(still, ROBOT, tmp_path, ["still"])
 
 
+@pytest.mark.slow
 def test_long_titles_are_wrapped(tmp_path: Path) -> None:
     write_summary(circle_run(), ROBOT, tmp_path, ["x" * 20 + " " + "y" * 40, "z"])
     assert {"x" * 20, "y" * 40} <= set(labels(tmp_path / "summary.svg"))

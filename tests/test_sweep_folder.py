@@ -14,12 +14,12 @@ import pytest
 
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.sweep.compute import Broke, Computed, Outcome, Unexpected, computed
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.execute import chunk_size, fill
 from ttwmr_mj.studies.sweep.folder import results
 from ttwmr_mj.studies.sweep.folder.extend import extend
-from ttwmr_mj.studies.sweep.folder.lock import locked
 from ttwmr_mj.studies.sweep.folder.merge import merge
 from ttwmr_mj.studies.sweep.folder.part import Part
 from ttwmr_mj.studies.sweep.folder.plan_file import refuse_other, stored_plan, write_plan
@@ -279,7 +279,7 @@ def test_parts_and_their_names() -> None:
 
 def test_chunks_suit_what_is_run(plan: Plan, tmp_path: Path) -> None:
     assert chunk_size(plan, 12) == 2
-    assert chunk_size(plan, 10**6) == 512  # a batch of each variant
+    assert chunk_size(plan, 10**6) == 128  # a batch of each variant
     camera = SMALL.replace("lab_circle", "lab_circle_camera").replace(
         ', "sensing.position_noise_m=1e-3"', ""
     )

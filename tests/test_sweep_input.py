@@ -110,6 +110,14 @@ BAD = {
         "parameters.seed: cannot be varied; seeds are given in `seeds`",
     ),
     "no seeds": (HEAD + "seeds = 0\n", "seeds: got 0; allowed: 1 to 1000000, or a list"),
+    "a first seed and a list": (
+        HEAD + "first_seed = 3\nseeds = [1]\n",
+        "first_seed: got 3; allowed: where seeds is a number",
+    ),
+    "seeds that are too large": (
+        HEAD + "first_seed = 4294967295\nseeds = 2\n",
+        "first_seed: got 4294967295; allowed: at most 4294967294 with 2 seeds",
+    ),
     "a seed twice": (HEAD + "seeds = [1, 1]\n", "seeds: got [1, 1]; allowed: one or more"),
     "samples of a grid": (HEAD + "samples = 5\n", "samples: got 5; a grid has none"),
     "sampling without samples": (
@@ -234,7 +242,9 @@ def test_of_a_huge_plan_the_ends_and_some_rows_are_checked(
     assert 60 < len(rows) <= 100
     assert (rows % 3 == 0).all()  # one seed of each
     assert not checks.check_plan(plan, "mine")
+    assert checks.checked_text(plan).startswith(f"{len(rows)} of 300 different rows, drawn at")
     monkeypatch.undo()
+    assert checks.checked_text(plan) == "all 900 rows, as seeds change nothing: 300 different ones"
     assert checks._rows_to_check(plan).tolist() == list(range(0, 900, 3))
 
 

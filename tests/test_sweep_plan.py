@@ -242,3 +242,9 @@ def test_too_many_rows_are_refused_and_the_limit_can_be_raised(tmp_path: Path) -
 def test_what_ships_is_a_sweep_or_a_suite() -> None:
     assert "hitch_friction" in shipped_sweeps()
     assert not {"quick", "standard"} & shipped_sweeps().keys()
+
+
+def test_seeds_begin_at_the_first(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, SMALL.replace("seeds = 2", "seeds = 2\nfirst_seed = 10000"))
+    assert plan.seeds == (10000, 10001)
+    assert {row.seed for row in plan.rows_at(np.arange(plan.rows))} == {10000, 10001}

@@ -95,6 +95,7 @@ def test_every_verdict_is_counted(told: Told) -> None:
     assert sum(int(row[2]) for row in rows) == 72
 
 
+@pytest.mark.slow
 def test_along_a_parameter_runs_of_a_value_are_taken_together(
     told: Told, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -238,6 +239,7 @@ def test_sobol_indices_find_what_the_drawn_errors_hang_on(tmp_path: Path) -> Non
     assert first.converged
 
 
+@pytest.mark.slow
 def test_what_is_not_converged_is_said_in_the_page(tmp_path: Path) -> None:
     sensitivity(tmp_path, 32)
     write_report(tmp_path)

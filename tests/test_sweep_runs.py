@@ -145,6 +145,7 @@ def test_a_dry_run_says_what_would_be_done_and_leaves_nothing(
     assert "reference.radius_m: 0.3, 0.4, 0.5" in told
     assert "metric     steady_centre_of_oscillation_rmse_m" in told
     assert "time: about " in told
+    assert "checked: all 12 rows, as seeds change nothing: 6 different ones" in told
     last = next(line for line in told.splitlines() if line.startswith("row 11: "))
     words = shlex.split(last.partition(": ")[2])
     assert words[:3] == ["ttwmr", "run", "lab_circle"]
@@ -162,6 +163,7 @@ def test_seeds_that_change_nothing_are_remarked_on(
     assert "warning" not in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_a_law_that_crashes_is_a_failed_row_and_takes_no_other_with_it(tmp_path: Path) -> None:
     (tmp_path / "crash.py").write_text(LAW)
     (tmp_path / "own.toml").write_text(

@@ -22,6 +22,7 @@ def test_it_measures_all_that_it_is_asked_for(tmp_path: Path) -> None:
     assert found["open_loop"]["ratio"] > 0.0
     assert found["processes"]["ratio"] > 1.0  # starting Python alone takes longer
     assert found["adding_up"]["runs"] == 16
-    shipped, coarse = found["work_precision"]
+    shipped, coarse, *_, swept = found["work_precision"]
     assert shipped["error_m"] < coarse["error_m"]
+    assert (swept["cone"], swept["rolling_resistance_m"]) == ("elliptic", 1.6e-5)
     assert figure.stat().st_size > 10_000

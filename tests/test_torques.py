@@ -164,6 +164,7 @@ def test_torques_beyond_stall_count_as_stall() -> None:
     assert np.array_equal(plants[0].state().q, plants[1].state().q)
 
 
+@pytest.mark.slow
 def test_the_error_of_a_step_is_of_fourth_order() -> None:
     ends = []
     for divisor in (1, 2, 4, 32):

@@ -46,6 +46,7 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Trajectory]:
     return path, trajectory
 
 
+@pytest.mark.slow
 def test_a_video_is_tracked_to_the_truth(video: tuple[Path, Trajectory], tmp_path: Path) -> None:
     path, truth = video
     done = ttwmr("track", path, "--calibration", CALIBRATION, "--out", "out", cwd=tmp_path)
@@ -62,6 +63,7 @@ def test_a_video_is_tracked_to_the_truth(video: tuple[Path, Trajectory], tmp_pat
     assert (tmp_path / "out" / "track.rrd").stat().st_size > 500_000
 
 
+@pytest.mark.slow
 def test_tracking_stops_after_as_many_frames_as_asked(
     video: tuple[Path, Trajectory], tmp_path: Path
 ) -> None:
@@ -70,6 +72,7 @@ def test_tracking_stops_after_as_many_frames_as_asked(
     assert pq.read_table(tmp_path / "out" / "poses.parquet").num_rows == 7
 
 
+@pytest.mark.slow
 def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
     done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

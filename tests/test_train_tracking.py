@@ -75,6 +75,7 @@ def test_residuals_change_with_the_state_as_they_say() -> None:
         np.testing.assert_allclose(slope[:, i], (ends[0] - ends[1]) / 2e-6, atol=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["double_inverted", "triple_inverted"])
 def test_trailers_inside_are_held_on_the_model(name: str) -> None:
     scenario = tt.load_scenario(name, ["plant.kind=analytic", "duration_s=7.0"])
@@ -86,6 +87,7 @@ def test_trailers_inside_are_held_on_the_model(name: str) -> None:
     assert off[-1, 2:].max() < 1e-2
 
 
+@pytest.mark.slow
 def test_a_batch_of_trains_is_its_single_runs() -> None:
     scenario = tt.load_scenario("double_inverted", ["plant.kind=analytic", "duration_s=1.0"])
     alone, both = tt.simulate(scenario).trajectory, tt.simulate(scenario, nsim=2).trajectory

@@ -150,6 +150,7 @@ def test_a_fitted_reference_is_a_trajectory_of_the_sampled_model() -> None:
     assert miss.max() < 1.5e-3  # commands held for 33 ms cannot do better on this eight
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["outer_circle", "inverted_trailer"])
 def test_it_converges_on_the_model(name: str) -> None:
     assert steady_mm(with_tvlqr(name, "plant.kind=analytic")) < 0.02
@@ -184,6 +185,7 @@ def test_rest_to_rest_ends_where_it_should() -> None:
         assert angle_deg <= 2.0
 
 
+@pytest.mark.slow
 def test_flags_of_a_command_say_what_was_cut_and_what_nearly_stands() -> None:
     scenario = load_scenario("outer_circle", ['controller={kind="tvlqr"}'])
     law, path = Tvlqr(TvlqrOptions()), sample_reference(scenario)

@@ -41,6 +41,7 @@ def test_a_law_that_lets_the_trailer_fall_over_is_found_out() -> None:
     assert found.number > 1.0
 
 
+@pytest.mark.slow
 def test_a_trailer_that_the_tyres_cannot_hold_is_not_feasible() -> None:
     """m2·K·ω² and more of the outer wheels' grip."""
     found = verdict("inverted_trailer", "robot.trailer.mass_kg=50.0", "duration_s=5.0")
@@ -48,6 +49,7 @@ def test_a_trailer_that_the_tyres_cannot_hold_is_not_feasible() -> None:
     assert found.what.startswith("the reference asks the tyres for 30.7 N (limit 4.87 N); ")
 
 
+@pytest.mark.slow
 def test_wheels_that_cannot_turn_fast_enough() -> None:
     overrides = ["reference.angular_rate_rad_s=1.5", "plant.kind=analytic", "duration_s=5.0"]
     found = verdict("inverted_trailer", *overrides)
@@ -84,6 +86,7 @@ def test_a_short_run_is_lost_while_its_start_is_not_worked_off() -> None:
     assert found.name == "lost"
 
 
+@pytest.mark.slow
 def test_the_verdict_is_printed_first_and_the_tasks_metric_next(tmp_path: Path) -> None:
     code, out, err = run("inverted_trailer", *FAST, cwd=tmp_path)
     first, second, blank, *_ = out.splitlines()
@@ -96,6 +99,7 @@ def test_the_verdict_is_printed_first_and_the_tasks_metric_next(tmp_path: Path) 
     assert second == f"steady_centre_of_oscillation_rmse_m = {number:.3g}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wanted", "code"), [("followed", 1), ("lost", 1), ("tractor_follows_trailer_lost", 0)]
 )
@@ -134,6 +138,7 @@ def test_a_run_that_is_required_to_fail_may(tmp_path: Path) -> None:
     assert run("bad.toml", cwd=tmp_path, more=more)[0] == 0
 
 
+@pytest.mark.slow
 def test_what_cannot_be_driven_is_told_before_the_run(tmp_path: Path) -> None:
     words = ["--set", "reference.angular_rate_rad_s=1.5", "--set", "duration_s=1.0"]
     done = ttwmr("validate", "inverted_trailer", "outer_circle", *words, cwd=tmp_path)
@@ -185,6 +190,7 @@ def test_limits_of_a_scenario_are_checked() -> None:
     assert verdict("rest_to_rest", *strict).name == "lost"
 
 
+@pytest.mark.slow
 def test_a_comparison_tells_the_verdicts_of_both_plants(tmp_path: Path) -> None:
     words = ["--set", "duration_s=3.0", "--set", "output.recording=false"]
     words += ["--set", "output.figures=false", "--no-attribution", "--out", "out"]

@@ -216,6 +216,7 @@ def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
         calibrate_from_images(tmp_path)
 
 
+@pytest.mark.slow
 def test_a_photographed_board_calibrates_like_a_simulated_one(tmp_path: Path) -> None:
     """Pictures on disk of a camera whose geometry is known, and one without a board."""
     source, rng = BoardCamera(CameraOptions(), np.random.default_rng(0)), np.random.default_rng(1)

@@ -148,6 +148,7 @@ def test_late_and_frozen_frames_do_not_mislead() -> None:
     assert np.hypot(run.error[:, 0], run.error[:, 1]).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_distractors_in_the_way_do_not_mislead() -> None:
     discs = [
         {"colour_of": "tractor_front", "position_m": (0.40, 0.18)},

@@ -8,14 +8,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
-from ttwmr_mj.files import write_json, write_parquet
-from ttwmr_mj.results.metrics import score
+from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.runs.background import Background
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
-from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.metrics import metrics_of, write_result
 from ttwmr_mj.runs.pace import Pace, behind
 from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
 from ttwmr_mj.runs.stopwatch import Stopwatch
@@ -125,8 +124,7 @@ def run_experiment(
     watch.lap("recording")
     shares = _shares(watch, result)
     metrics = metrics_of(result, scenario, sum(shares.values()))
-    write_json(folder / "metrics.json", metrics)
-    write_parquet(result.trajectory.to_table(), folder / "trajectory.parquet")
+    write_result(folder, result.trajectory, metrics)
     if contact:
         time_s, states, wheels = contact.physics_rate_states()
         state = RobotState(states.q[0], states.q_rate[0])
@@ -170,39 +168,6 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
     waited_s = result.wall_time_s.get("pace", 0.0)
     recording_s = watch.parts["recording"] - sum(loop.values()) - waited_s
     return {"setup": watch.parts["setup"], **loop, "recording": recording_s}
-
-
-def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
-    """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
-    (outcome,), took = result.outcomes, result.control_time_s
-    controller_s = result.wall_time_s.get("controller", 0.0)
-    return {
-        **repeatable_metrics(result, scenario),
-        "control_time_per_sample_us": 1e6 * controller_s / max(len(result.trajectory), 1),
-        # Commands that took longer than a period, on this machine under its load. On a real robot
-        # they would come too late; here they are used all the same, so that results do not depend
-        # on the machine.
-        "control_overruns": int((took > scenario.control.sampling_time_s).sum()),
-        "control_slowest_s": float(took.max()) if took.size else None,
-        "wall_time_s": wall_time_s,
-        "real_time_factor": outcome.time_s / wall_time_s,
-    }
-
-
-def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
-    """What is in metrics.json whenever the run is repeated: all but the times it took."""
-    rows = judged(result.trajectory, scenario)
-    (outcome,), (numbers,) = result.outcomes, score(rows, scenario.robot)
-    (verdict,) = result.verdicts
-    return {
-        "verdict": verdict.name,
-        "verdict_reason": verdict.what,
-        "status": outcome.status,
-        "reason": outcome.reason,
-        "end_time_s": outcome.time_s,
-        **numbers,
-        **frame_metrics(scenario),
-    }
 
 
 def _simulate(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.errors import RunError
 
 
 class Bench(Quiet, name="bench"):
@@ -27,14 +28,33 @@ class Bench(Quiet, name="bench"):
 
         suite = load_suite(self.suite)
         folder = self.out or results_folder("bench", suite.name)
+        not_run: dict[str, str] = {}
         if not self.rescore:
             open_folder(folder, force=True)
             with progress_bar(suite.name, len(rows_of(suite)), "runs", self.quiet) as progress:
-                run_suite(suite, folder, workers=self.workers, progress=progress)
+                not_run = run_suite(suite, folder, workers=self.workers, progress=progress)
+            if len(not_run) == len(rows_of(suite)):
+                raise RunError(_told(not_run))
         board = collect(suite, folder)
         title = f"{suite.name}: {suite.description}" if suite.description else suite.name
         write_leaderboard(board, folder, title)
         write_page(board, folder, title)
         if not self.quiet:
             print(f"{to_summary(board, title)}\nwritten to {folder}")
+        if not_run:
+            raise RunError(_told(not_run))
         return 0
+
+
+def _told(not_run: dict[str, str]) -> str:
+    """Which rows were not run, in a line for each reason."""
+    reasons: dict[str, list[str]] = {}
+    for key, reason in not_run.items():
+        reasons.setdefault(reason.splitlines()[-1], []).append(key)
+    lines = [
+        f"  {keys[0]}{f' and {len(keys) - 1} more' if keys[1:] else ''}: {reason}"
+        for reason, keys in reasons.items()
+    ]
+    count = "1 row was" if len(not_run) == 1 else f"{len(not_run)} rows were"
+    head = f"{count} not run, which is no fault of a law; the same command tries again:"
+    return "\n".join([head, *lines])

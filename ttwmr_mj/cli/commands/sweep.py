@@ -27,7 +27,7 @@ class Sweep(Quiet, name="sweep"):
         "results/sweeps/NAME",
         metavar="DIR",
     )
-    dry_run: bool = option("check every row, print the plan and the time it takes, run nothing")
+    dry_run: bool = option("check the rows, print the plan and the time it takes, run nothing")
     overrides: tuple[str, ...] = option(
         "override a value on every row; repeatable", name="--set", metavar="KEY.PATH=VALUE"
     )
@@ -97,12 +97,13 @@ class Sweep(Quiet, name="sweep"):
 
     def _tell(self, plan: Plan) -> None:
         """What would be done, and how long it would take."""
+        from ttwmr_mj.studies.sweep.plan.checks import checked_text
         from ttwmr_mj.studies.sweep.words import duration, estimated_time_s, plan_text
 
-        print(plan_text(plan))
+        print(f"{plan_text(plan)}\n\nchecked: {checked_text(plan)}")
         time_s = estimated_time_s(plan, self.workers or os.cpu_count() or 1)
         told = "unknown" if time_s is None else f"about {duration(time_s)} on this machine"
-        print(f"\ntime: {told}")
+        print(f"time: {told}")
 
     def _open(self, plan: Plan, folder: Path) -> None:
         """Make the plan the folder's, if it is not."""

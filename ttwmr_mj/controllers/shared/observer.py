@@ -111,7 +111,8 @@ class Observer:
         now = self._past[-1]
         if self.learner is not None and self._updates > self._patience:
             velocity = self._model.velocity(now.body, now.wheels, now.slip)
-            self.learner.predict(now.body, velocity, self.hitch_rate(now))
+            change_rad_s = np.abs(wheels - now.wheels).max(axis=1)
+            self.learner.predict(now.body, velocity, self.hitch_rate(now), change_rad_s)
         if self.latency is not None:
             self.latency.commanded(wheels)
         self._past.append(self._predicted(now, wheels))
@@ -161,7 +162,10 @@ class Observer:
             unexplained=now.unexplained,
             influence=None if self.learner is None else now.influence,
         )
-        return now._replace(body=body, wheels=wheels)
+        if self.learner is None:
+            return now._replace(body=body, wheels=wheels)
+        faded = now.unexplained * self.learner.fade
+        return now._replace(body=body, wheels=wheels, unexplained=faded)
 
     def _corrected(self, now: Observed, measured: RobotState, due: BoolArray) -> Observed:
         """Correct the simulations that are due."""

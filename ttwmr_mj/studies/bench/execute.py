@@ -1,18 +1,26 @@
 """Runs the rows of a suite that are not there yet, several at a time."""
 
 import json
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json
+from ttwmr_mj.runs.many import Placed, batches, run_into_folders
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of
-from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
-from ttwmr_mj.studies.pool.task import PRELOAD, Work, run_task
+from ttwmr_mj.studies.pool.halves import in_halves
+from ttwmr_mj.studies.pool.ingredients import made_of_run
+from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
+from ttwmr_mj.studies.pool.lock import locked
+from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept
 
+BATCH = 16  # rows at once: what a kill may cost
+ENTRIES = ("ttwmr_mj.runs.many",)
+ROW_FILE = "row.json"
 Progress = Callable[[float], None]
 
 
@@ -26,15 +34,19 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
 
     Whether the code and the files are still those of that run, only `run_suite` asks.
     """
-    path = row_folder(row, folder) / "row.json"
-    stored = json.loads(path.read_text(encoding="utf-8")) if path.is_file() else {}
+    try:
+        stored = json.loads((row_folder(row, folder) / ROW_FILE).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
     return stored if stored.get("run") == row.command() else None
 
 
 def run_suite(
     suite: Suite, folder: Path, *, workers: int | None = None, progress: Progress | None = None
-) -> None:
+) -> dict[str, str]:
     """Run every row whose result is missing or outdated; after an interruption, call it again.
+
+    Rows that can share a batch are computed in one.
 
     Args:
         suite: what to run.
@@ -42,31 +54,80 @@ def run_suite(
         workers: processes at a time; None: one per processor.
         progress: called with the number of rows done.
 
+    Returns:
+        Rows that were not run, for a reason that is the machine's, and that reason; the next call
+        tries them again.
+
     Raises:
-        InputError: some rows cannot run; none was started.
+        InputError: some rows cannot run, or another process fills the folder; none was started.
     """
     rows = {row.key: row for row in rows_of(suite)}
     scenarios = checked_scenarios(list(rows.values()))
-    tasks = {key: _task(row, scenarios[key], folder, suite.timeout_s) for key, row in rows.items()}
-    missing = [key for key, task in tasks.items() if not task.is_done]
-    for key in rows.keys() - set(missing):
-        _rename_row(rows[key], folder)
-    there = len(rows) - len(missing)
-    jobs = [tasks[key].job for key in missing]
-    with closing(run_jobs(jobs, workers=workers, preload=PRELOAD)) as events:
-        for done, event in enumerate(events, start=there + 1):
-            key, reason = event.job.name, event.reason if isinstance(event, Failed) else ""
-            _write_row(rows[key], folder, reason)
-            tasks[key].mark_done()
-            if progress is not None:
-                progress(float(done))
+    with locked(folder):
+        kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
+        missing = [key for key in rows if not kept[key].is_done]
+        for key in rows.keys() - set(missing):
+            _rename_row(rows[key], folder)
+        placed = [_placed(rows[key], scenarios[key], folder) for key in missing]
+        not_run: dict[str, str] = {}
+        done = len(rows) - len(missing)
+        with closing(_computed(placed, suite.timeout_s, workers)) as computed:
+            for runs, failed in computed:
+                for key in (run.folder.name for run in runs):
+                    if failed is not None and _is_of_machine(failed, scenarios[key]):
+                        not_run[key] = failed.reason
+                        (row_folder(rows[key], folder) / ROW_FILE).unlink(missing_ok=True)
+                        continue
+                    _write_row(rows[key], folder, failed.reason if failed else "")
+                    kept[key].mark_done()
+                done += len(runs)
+                if progress is not None:
+                    progress(float(done))
+    return {key: not_run[key] for key in rows if key in not_run}
 
 
-def _task(row: SuiteRow, scenario: Scenario, folder: Path, timeout_s: float) -> Work:
+def _computed(
+    runs: list[Placed], timeout_s: float, workers: int | None
+) -> Generator[tuple[tuple[Placed, ...], Failed | None], None, None]:
+    """Batches of runs, or those parts of them that could be computed, and what failed alone."""
+    # each process fills one processor by itself; the server of processes passes this on
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+    def compute(
+        chunks: Iterable[tuple[Placed, ...]],
+    ) -> Generator[tuple[tuple[Placed, ...], Failed | None], None, None]:
+        jobs = (
+            Job(chunk[0].folder.name, run_into_folders, (chunk,), timeout_s * len(chunk))
+            for chunk in chunks
+        )
+        with closing(run_jobs(jobs, workers=workers, preload=PRELOAD)) as events:
+            for event in events:
+                yield event.job.arguments[0], event if isinstance(event, Failed) else None
+
+    # the largest first, so that no processor waits for one at the end
+    chunks = sorted(batches(runs, BATCH), key=len, reverse=True)
+    return in_halves(chunks, compute, lambda failed: failed is not None)
+
+
+def _is_of_machine(failed: Failed, scenario: Scenario) -> bool:
+    """Whether a run says nothing about its law: of ours, any that does not know how to fail."""
+    unknown = failed.error is None and not failed.late
+    return failed.of_machine or (unknown and not scenario.controller.alone)
+
+
+def _placed(row: SuiteRow, scenario: Scenario, folder: Path) -> Placed:
     into = row_folder(row, folder)
-    words = ["ttwmr", *row.arguments(into), "--quiet"]
-    beside = find_scenario(row.scenario).parent
-    return run_task(row.key, scenario, into, words, beside, timeout_s)
+    words = "ttwmr", *row.arguments(into), "--quiet"
+    return Placed(scenario, into.resolve(), words, _beside(row))
+
+
+def _kept(row: SuiteRow, scenario: Scenario, folder: Path) -> Kept:
+    made_of = made_of_run(scenario, _beside(row), ENTRIES)
+    return Kept(made_of, row_folder(row, folder) / MADE_OF_FILE)
+
+
+def _beside(row: SuiteRow) -> Path:
+    return find_scenario(row.scenario).parent.resolve()
 
 
 def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
@@ -80,12 +141,12 @@ def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
         if status != "ok":
             reason = f"{status} at {metrics['end_time_s']:.3f} s: {metrics['reason']}"
     ended = {"status": status, "reason": reason, "verdict": verdict}
-    write_json(into / "row.json", {**_identity(row), **ended})
+    write_json(into / ROW_FILE, {**_identity(row), **ended})
 
 
 def _rename_row(row: SuiteRow, folder: Path) -> None:
     """Let the row.json of a run that is used again say how the suite words it now."""
-    path = row_folder(row, folder) / "row.json"
+    path = row_folder(row, folder) / ROW_FILE
     stored = json.loads(path.read_text(encoding="utf-8"))
     if stored != stored | _identity(row):
         write_json(path, stored | _identity(row))

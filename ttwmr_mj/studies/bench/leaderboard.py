@@ -39,7 +39,7 @@ RULES = (
     "“settled” is the time after which P stays within 10 mm, “–” if it never does; “effort” is "
     "∫(ω_r² + ω_l²)dt.",
     "Ranked by failures, then by the median error. Control time is wall time per sample, measured "
-    "with several runs at once.",
+    "with several runs at once; of runs that shared a batch, each one's share of it.",
 )
 
 

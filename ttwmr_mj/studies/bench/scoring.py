@@ -4,7 +4,6 @@ import json
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import Metrics, score
@@ -17,6 +16,8 @@ from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
+
+NEEDED = ("scenario.resolved.toml", "trajectory.parquet", "metrics.json")
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,15 +38,18 @@ class Board:
 def collect(suite: Suite, folder: Path) -> Board:
     """Score every finished row of a suite and rank the lines within each task.
 
+    A row whose files vanish meanwhile, as of one that is run again, is not finished.
+
     Raises:
         InputError: there is no finished row.
     """
     rows = rows_of(suite)
-    groups: dict[tuple[str, ...], list[SuiteRow]] = defaultdict(list)
+    groups: dict[tuple[str, ...], list[tuple[SuiteRow, Run]]] = defaultdict(list)
     made_by: Counter[str] = Counter()
     for row in rows:
-        if stored_row(row, folder):
-            groups[tuple(row.names[axis] for axis in AXES)].append(row)
+        scored = _scored(row, folder)
+        if scored is not None:
+            groups[tuple(row.names[axis] for axis in AXES)].append((row, scored))
             made_by[_maker(row_folder(row, folder))] += 1
     if not groups:
         problem = f"no finished runs of {suite.name} in it"
@@ -57,21 +61,21 @@ def collect(suite: Suite, folder: Path) -> Board:
 
 def _maker(folder: Path) -> str:
     """Version and commit that made a run; unknown for one that never started."""
-    manifest = folder / "manifest.json"
-    if not manifest.is_file():
+    try:
+        said = json.loads((folder / "manifest.json").read_text())
+    except FileNotFoundError:
         return "unknown"
-    said = json.loads(manifest.read_text())
     commit, *dirty = (said["git_commit"] or "unknown").split("-", 1)
     return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
 
 
-def _line(rows: list[SuiteRow], folder: Path) -> Line:
-    first = rows[0]
-    recordings = (row_folder(row, folder) / "run.rrd" for row in rows)
+def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
+    first = scored[0][0]
+    recordings = (row_folder(row, folder) / "run.rrd" for row, _ in scored)
     manifest = row_folder(first, folder) / "manifest.json"
     return Line(
         names=dict(first.names),
-        runs=tuple(_scored(row, folder) for row in rows),
+        runs=tuple(run for _, run in scored),
         scored=first.scored,
         meant=first.meant,
         command=first.command(),
@@ -80,13 +84,21 @@ def _line(rows: list[SuiteRow], folder: Path) -> Line:
     )
 
 
-def _scored(row: SuiteRow, folder: Path) -> Run:
-    """A row's numbers and its verdict."""
-    stored: dict[str, Any] = stored_row(row, folder) or {}
+def _scored(row: SuiteRow, folder: Path) -> Run | None:
+    """A row's numbers and its verdict; None if it is not finished."""
+    stored = stored_row(row, folder)
+    if stored is None:
+        return None
     numbers: Metrics = {}
     name, sentence = stored["status"], _last_line(stored["reason"])
     if name == "ok":
-        numbers, verdict = _judged(row_folder(row, folder))
+        into = row_folder(row, folder)
+        try:
+            numbers, verdict = _judged(into)
+        except (OSError, InputError):
+            if all((into / file).is_file() for file in NEEDED):  # there, and damaged
+                raise
+            return None
         name, sentence = verdict.name, str(verdict)
     values = {column: how.of(numbers, row.scored) for column, how in COLUMNS.items()}
     return Run(row.seed, name, sentence, stored["status"] == "ok", values)

@@ -1,4 +1,5 @@
 // A click on a column's head sorts its table: numbers as numbers, what has none last.
+const number = (text) => ({ inf: Infinity, "-inf": -Infinity })[text] ?? parseFloat(text);
 for (const table of document.querySelectorAll("table.sortable")) {
   const body = table.tBodies[0];
   [...table.tHead.rows[0].cells].forEach((head, column) => {
@@ -12,9 +13,10 @@ for (const table of document.querySelectorAll("table.sortable")) {
       head.ariaSort = down ? "descending" : "ascending";
       const key = (row) => row.cells[column].dataset.value ?? row.cells[column].textContent.trim();
       const order = (a, b) => {
-        const [x, y] = [key(a), key(b)], [p, q] = [parseFloat(x), parseFloat(y)];
+        const [x, y] = [key(a), key(b)], [p, q] = [number(x), number(y)];
         if (isNaN(p) !== isNaN(q)) return isNaN(p) ? 1 : -1;
-        return (down ? -1 : 1) * (isNaN(p) ? x.localeCompare(y) : p - q);
+        const sign = isNaN(p) ? x.localeCompare(y) : Math.sign(p - q) || 0; // ∞ − ∞ is no number
+        return (down ? -1 : 1) * sign;
       };
       body.append(...[...body.rows].sort(order));
     });

@@ -22,8 +22,11 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from ttwmr_mj.errors import TtwmrError
+from ttwmr_mj.errors import MachineError, TtwmrError
+from ttwmr_mj.studies.pool.preload import ask_for, load
 
+# what the machine or a person ends a process with, out of memory included
+FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
 LEAVE_S = 1.0  # a process that has answered is given this long to end, threads of a law included
 
 
@@ -52,6 +55,8 @@ class Failed:
     job: Job  # which
     reason: str  # in words; a traceback for what nobody raised on purpose. The last line says it.
     error: TtwmrError | None = None  # what it raised, if that was raised on purpose
+    of_machine: bool = False  # killed from outside, no memory, no disk, no OpenGL: no fault of it
+    late: bool = False  # it took too long
 
 
 Event = Done | Failed
@@ -99,10 +104,11 @@ def _context(preload: Sequence[str]) -> Any:
 
     Never a fork of this process: a recording stream that is inherited drops what it is given.
     """
+    ask_for(preload)
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(list(preload))
+    context.set_forkserver_preload([load.__module__])
     return context
 
 
@@ -145,9 +151,11 @@ class _Process:
         if not timed_out:
             self._process.join(LEAVE_S)
         code = self.end()
-        if answer is None:
-            late = f"timed out after {self._job.timeout_s:g} s"
-            answer = Failed(self._job, late if timed_out else self._death(code))
+        if answer is None and timed_out:
+            answer = Failed(self._job, f"timed out after {self._job.timeout_s:g} s", late=True)
+        elif answer is None:
+            how = _exit_name(code)
+            answer = Failed(self._job, self._death(how), of_machine=how in FROM_OUTSIDE)
         self._log.unlink(missing_ok=True)
         return answer
 
@@ -164,11 +172,14 @@ class _Process:
         self._answer.close()
         return code
 
-    def _death(self, code: int) -> str:
+    def _death(self, how: str) -> str:
         """How a process ended that did not answer, and its last words."""
-        how = f"exit code {code}" if code >= 0 else signal.Signals(-code).name
         words = self._log.read_text(errors="replace").strip() if self._log.is_file() else ""
         return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
+
+
+def _exit_name(code: int) -> str:
+    return f"exit code {code}" if code >= 0 else signal.Signals(-code).name
 
 
 def _leave_with_the_caller() -> None:
@@ -188,12 +199,19 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
         for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):
             os.dup2(file.fileno(), stream.fileno() if stream else usual)
     said: Event
+    ready = False
     try:
+        load()
+        ready = True
         said = Done(job, job.call(*job.arguments))
     except TtwmrError as error:
-        said = Failed(job, str(error), error)
-    except BaseException:
-        said = Failed(job, traceback.format_exc().strip())
+        said = Failed(job, str(error), error, of_machine=isinstance(error, MachineError))
+    except BaseException as error:
+        said = Failed(
+            job,
+            traceback.format_exc().strip(),
+            of_machine=not ready or isinstance(error, (OSError, MemoryError)),
+        )
     try:
         answer.send(said)
     except Exception:  # it cannot be pickled

@@ -17,16 +17,14 @@ PRELOAD = ("ttwmr_mj.runs.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet"
 
 
 @dataclass(frozen=True, slots=True)
-class Work:
-    """A job whose result stays in files.
+class Kept:
+    """A result that stays in files.
 
     Attributes:
-        job: does it.
-        made_of: what the result will be made of.
+        made_of: what it will be made of.
         mark: JSON of what the result that is there is made of; written last.
     """
 
-    job: Job
     made_of: Ingredients
     mark: Path
 
@@ -49,6 +47,17 @@ class Work:
         write_json(self.mark, self.made_of)
 
 
+@dataclass(frozen=True, slots=True)
+class Work(Kept):
+    """A job whose result stays in files.
+
+    Attributes:
+        job: does it.
+    """
+
+    job: Job
+
+
 def run_task(
     name: str,
     scenario: Scenario,
@@ -64,11 +73,9 @@ def run_task(
         command_line,
         scenario_folder and scenario_folder.resolve(),
     )
-    return Work(
-        Job(name, make_run, arguments, timeout_s),
-        made_of_run(scenario, scenario_folder),
-        folder / MADE_OF_FILE,
-    )
+    job = Job(name, make_run, arguments, timeout_s)
+    made_of = made_of_run(scenario, scenario_folder)
+    return Work(made_of, folder / MADE_OF_FILE, job=job)
 
 
 def make_run(

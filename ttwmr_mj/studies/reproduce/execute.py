@@ -69,9 +69,8 @@ def _study_task(out: Path, name: str) -> Work:
     study, path = STUDIES[name], study_file(out, name)
     libraries = ("sympy",) if name == "proofs" else ("numpy", "scipy")
     made_of = made_of_study(getattr(study, "func", study).__module__, libraries)
-    return Work(
-        Job(name, do_study, (name, path.resolve())), made_of, path.with_suffix(".made_of.json")
-    )
+    job = Job(name, do_study, (name, path.resolve()))
+    return Work(made_of, path.with_suffix(".made_of.json"), job=job)
 
 
 def do_study(name: str, path: Path) -> None:

@@ -8,14 +8,12 @@ from __future__ import annotations
 
 import os
 import traceback
-from collections import deque
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
-import numpy as np
-
 from ttwmr_mj.errors import RunError
+from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.jobs import Done, Event, Job, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD
 from ttwmr_mj.studies.sweep.engine import broken, table_of
@@ -40,6 +38,7 @@ class Broke:
 
     rows: IntArray
     reason: str
+    of_machine: bool = False  # no fault of a run: killed from outside, no memory, no disk
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +89,7 @@ def _outcome(event: Event) -> Outcome:
         return computed(rows, event.result)
     if event.error is not None:
         raise event.error
-    return Broke(rows, event.reason)
+    return Broke(rows, event.reason, event.of_machine)
 
 
 def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
@@ -107,28 +106,24 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
 def computed_shards(
     plan: Plan, chunks: Iterable[IntArray], compute: Compute
 ) -> Generator[Computed, None, None]:
-    """Every chunk's shard, in the order in which they are done; what breaks is halved."""
-    halves: deque[IntArray] = deque()
-    waiting = iter(chunks)
+    """Every chunk's shard, in the order in which they are done; what breaks is halved.
 
-    def remaining() -> Iterator[IntArray]:
-        while True:
-            if halves:
-                yield halves.popleft()
-            elif (rows := next(waiting, None)) is not None:
-                yield rows
-            else:
-                return
+    Raises:
+        RunError: the machine kept a row from being run; the others may be there.
+    """
 
-    more = True
-    while more:  # a chunk may break when all others have been handed out
-        with closing(compute(plan, remaining())) as outcomes:
-            for outcome in outcomes:
-                if isinstance(outcome, Computed):
-                    yield outcome
-                elif len(outcome.rows) > 1:
-                    halves.extend(np.array_split(outcome.rows, 2))
-                else:
-                    table = broken(plan, int(outcome.rows[0]), outcome.reason)
-                    yield Computed(outcome.rows, to_bytes(table))
-        more = bool(halves)
+    def outcomes(some: Iterable[IntArray]) -> Generator[tuple[IntArray, Outcome], None, None]:
+        with closing(compute(plan, some)) as found:
+            for outcome in found:
+                yield outcome.rows, outcome
+
+    pieces = in_halves(chunks, outcomes, lambda outcome: isinstance(outcome, Broke))
+    with closing(pieces) as found:
+        for rows, outcome in found:
+            if isinstance(outcome, Broke):
+                if outcome.of_machine:
+                    last = outcome.reason.splitlines()[-1]
+                    raise RunError(f"row {rows[0]} was not run: {last}; the same command goes on")
+                table = broken(plan, int(rows[0]), outcome.reason)
+                outcome = Computed(rows, to_bytes(table))
+            yield outcome

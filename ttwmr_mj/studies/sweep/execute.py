@@ -11,15 +11,15 @@ import numpy as np
 import pyarrow.parquet as pq
 
 from ttwmr_mj.state import BoolArray
+from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
-from ttwmr_mj.studies.sweep.folder.lock import locked
 from ttwmr_mj.studies.sweep.folder.part import Part
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
-BATCH = 256  # simulations at once: more are hardly faster, and lose more when they are killed
+BATCH = 64  # simulations at once: more are hardly faster, and lose more when they are killed
 ALONE = 4  # runs that share no batch: with a camera, or a law of the user's
 
 Told = Callable[[int, int], None]

@@ -57,7 +57,19 @@ def check_plan(
     _refuse(_ends(plan), source)
     rows = _rows_to_check(plan)
     _refuse(_in_processes(plan, rows, workers, progress), source)
-    return len(rows) * (1 if _seeds_matter(plan) else len(plan.seeds)) >= plan.rows
+    return len(rows) == _different(plan)
+
+
+def checked_text(plan: Plan) -> str:
+    """How many rows `check_plan` checks, in words."""
+    different, rows = _different(plan), len(_rows_to_check(plan))
+    if rows == different:
+        same = "" if different == plan.rows else f", as seeds change nothing: {rows} different ones"
+        return f"all {plan.rows} rows{same}"
+    return (
+        f"{rows} of {different} different rows, drawn at random, and the ends of every parameter; "
+        "a row that turns out to be impossible is a failed run"
+    )
 
 
 def _refuse(found: Iterable[Found], source: str) -> None:
@@ -141,10 +153,15 @@ def _seeds_matter(plan: Plan) -> bool:
     return drawn or any("unkind" in text or text == "world" for text in told)
 
 
+def _different(plan: Plan) -> int:
+    """How many rows there are that may differ in whether they are sound."""
+    return plan.rows if _seeds_matter(plan) else plan.rows // len(plan.seeds)
+
+
 def _rows_to_check(plan: Plan) -> IntArray:
     """All rows, or one of each that differ by their seed, or MOST_CHECKED of these."""
-    step = 1 if _seeds_matter(plan) else len(plan.seeds)
-    count = plan.rows // step
+    count = _different(plan)
+    step = plan.rows // count
     if count <= MOST_CHECKED:
         return np.arange(count, dtype=np.int64) * step
     picked = np.random.default_rng(plan.sampling_seed).integers(count, size=MOST_CHECKED)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -40,7 +40,10 @@ class SweepFile(Config):
     scenario: str = Field(description="a TOML file next to the sweep, or a shipped scenario")
     overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
     seeds: int | list[Seed] = Field(
-        default=1, description="how many, counted from 0, or the seeds themselves"
+        default=1, description="how many, counted from first_seed, or the seeds themselves"
+    )
+    first_seed: Seed = Field(
+        default=0, description="the first of seeds that are a number; other than those tuned on"
     )
     sampling: Sampling = "grid"
     samples: int | None = Field(
@@ -154,7 +157,7 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
     faults += _faults(file, axes)
     if faults:
         raise InputError(*faults, file=str(path))
-    seeds = tuple(range(file.seeds)) if isinstance(file.seeds, int) else tuple(file.seeds)
+    seeds = tuple(_seeds(file))
     every = (*file.overrides, *constants, *overrides)
     return SweepRequest(file, str(path), path.parent, axes, every, seeds)
 
@@ -257,6 +260,13 @@ def _parameter(given: Any) -> Parameter | list[Fault]:
     return [Fault(got=repr(given), problem="says no values", hint=hint)]
 
 
+def _seeds(file: SweepFile) -> Iterable[int]:
+    """Of the runs."""
+    if isinstance(file.seeds, list):
+        return file.seeds
+    return range(file.first_seed, file.first_seed + file.seeds)
+
+
 def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
     """What the keys do not show one by one."""
     if isinstance(file.seeds, int) and not 1 <= file.seeds <= MOST_SEEDS:
@@ -265,6 +275,12 @@ def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
         not file.seeds or len(set(file.seeds)) < len(file.seeds)
     ):
         yield Fault(key=("seeds",), got=repr(file.seeds), allowed="one or more, each once")
+    if file.first_seed and isinstance(file.seeds, list):
+        allowed = "where seeds is a number"
+        yield Fault(key=("first_seed",), got=str(file.first_seed), allowed=allowed)
+    elif isinstance(file.seeds, int) and max(_seeds(file), default=0) >= 2**32:
+        allowed = f"at most {2**32 - file.seeds} with {file.seeds} seeds"
+        yield Fault(key=("first_seed",), got=str(file.first_seed), allowed=allowed)
     if file.metric is not None and file.metric not in METRICS:
         hint = suggestion(file.metric, list(METRICS))
         yield Fault(key=("metric",), got=f"{file.metric!r}{hint}", allowed=", ".join(METRICS))

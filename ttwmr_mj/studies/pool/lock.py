@@ -37,7 +37,7 @@ def locked(folder: Path, part: str = "") -> Iterator[None]:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             file.seek(0)
-            hint = "wait for it, or give each process its own --shard i/n and folder"
+            hint = "wait for it, or give each process its own folder"
             problem = f"another process fills this folder: {file.read().strip()}"
             raise InputError.at("--out", problem, got=str(folder), hint=hint) from error
         except OSError:  # a file system without locks
