@@ -157,7 +157,7 @@ QUANTITIES = {
         "at which the sensor's estimate was invalid", "the estimate was invalid", "1"
     ),
     "tilt": Quantity("tilt of the tractor against the floor's plane", "tilt", "rad"),
-    "height": Quantity("height of P above where it stands", "z_P", "m"),
+    "height": Quantity("height of P above where it stands", "z_P − z_P(standing)", "m"),
     "airborne": Quantity("at which a wheel does not touch the ground", "wheels on floor < 2", "1"),
     "slipping": Quantity(
         f"at which a wheel slips faster than {SLIPPING_M_S:g} m/s",
