@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import unicodedata
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -50,6 +51,19 @@ def shown(value: Any) -> str:
     """A value for `Fault.got`: short, and quoted where it is text."""
     text = "a table" if isinstance(value, dict) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def printable(text: str) -> str:
+    """A text without what a terminal would obey, such as a name from a stranger's file may hold.
+
+    Control characters but tab and newline become escapes: their codes can clear the screen, set
+    the window's title, or write over lines above.
+    """
+    return "".join(c if c in "\n\t" or not _commands(c) else repr(c)[1:-1] for c in text)
+
+
+def _commands(character: str) -> bool:
+    return unicodedata.category(character) in {"Cc", "Cf", "Cs"}
 
 
 class TtwmrError(Exception):

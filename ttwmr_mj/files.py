@@ -3,13 +3,59 @@
 from __future__ import annotations
 
 import json
+import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
+from ttwmr_mj.errors import Fault, InputError
+
 if TYPE_CHECKING:
     import pyarrow as pa
+
+MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
+MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """A TOML file of whoever wrote it: of bounded size and depth, its whole numbers of 64 bits.
+
+    Raises:
+        InputError: it cannot be read as that.
+    """
+    try:
+        with path.open("rb") as file:  # of a device no more than is allowed
+            content = file.read(MOST_BYTES + 1)
+        if len(content) > MOST_BYTES:
+            raise ValueError(f"larger than {MOST_BYTES:,} bytes")
+        return parse_toml(content.decode())
+    except (OSError, ValueError) as error:
+        fault = Fault(problem=f"cannot be read as TOML: {error}")
+        raise InputError(fault, file=str(path)) from error
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """The same of a text.
+
+    Raises:
+        ValueError: it is no such TOML.
+    """
+    deep = f"tables and lists within each other more than {MOST_LEVELS} deep"
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError(deep) from None
+    level: list[Any] = [data]
+    for _ in range(MOST_LEVELS + 1):
+        inner = (v.values() if isinstance(v, dict) else v for v in level)
+        found = [item for items in inner for item in items]
+        if any(isinstance(v, int) and not -(2**63) <= v < 2**63 for v in found):
+            raise ValueError("a whole number does not fit into 64 bits")
+        level = [item for item in found if isinstance(item, dict | list)]
+        if not level:
+            return data
+    raise ValueError(deep)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -6,7 +6,7 @@ import argparse
 import pkgutil
 import sys
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import MISSING, Field, dataclass, field, fields
 from importlib import import_module
 from types import UnionType
@@ -26,6 +26,7 @@ def option(
     metavar: str | None = None,
     several: bool = False,
     bare: str | None = None,
+    least: int | None = None,
 ) -> Any:
     """A named option; a tuple may be given several times.
 
@@ -37,8 +38,10 @@ def option(
         metavar: placeholder for the value in the help.
         several: whether a tuple takes several values at once.
         bare: the value where the option is typed without one; another is typed as --name=value.
+        least: the smallest whole number that is allowed.
     """
-    told = {"help": text, "name": name, "metavar": metavar, "several": several, "bare": bare}
+    told: dict[str, Any] = {"help": text, "name": name, "metavar": metavar}
+    told |= {"several": several, "bare": bare, "least": least}
     return field(default=default, metadata=told)
 
 
@@ -111,6 +114,8 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
         settings |= {"dest": entry.name, "required": required}
         if entry.metadata["metavar"]:
             settings["metavar"] = entry.metadata["metavar"]
+        if entry.metadata["least"] is not None:
+            settings["type"] = _whole(entry.metadata["least"])
         if entry.metadata["several"]:
             settings |= {"action": "extend", "nargs": "+"}
     else:
@@ -132,6 +137,22 @@ def _read(hint: Any) -> dict[str, Any]:
     if get_origin(hint) is tuple:
         return {"action": "append", "type": inner[0]}
     return {"type": inner[0] if isinstance(hint, UnionType) else hint}
+
+
+def _whole(least: int) -> Callable[[str], int]:
+    """Reads whole numbers that are large enough."""
+
+    def read(text: str) -> int:
+        allowed = f"allowed: a whole number, {least} or more"
+        try:
+            number = int(text)
+        except ValueError:
+            raise argparse.ArgumentTypeError(f"got {text[:20]!r}; {allowed}") from None
+        if number < least:
+            raise argparse.ArgumentTypeError(f"got {number}; {allowed}")
+        return number
+
+    return read
 
 
 def _with_bare_values(words: Sequence[str]) -> list[str]:

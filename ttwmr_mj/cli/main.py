@@ -6,8 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ttwmr_mj.cli import engine
-from ttwmr_mj.errors import RunError, TtwmrError
+from ttwmr_mj.cli import engine, last_resort
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -25,21 +24,21 @@ EXAMPLES = """examples:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
-    subcommand = parse(words)
-    signal.signal(signal.SIGTERM, _interrupt)
+    last_resort.open_streams()
+    debug = False
     try:
-        return subcommand()
-    except KeyboardInterrupt:
-        print("ttwmr: stopped", file=sys.stderr)
-        return 1
-    except TtwmrError as error:
-        if subcommand.debug:
+        words = last_resort.readable(sys.argv[1:] if words is None else words)
+        subcommand = parse(words)
+        debug = subcommand.debug
+        signal.signal(signal.SIGTERM, _interrupt)
+        return last_resort.close_streams(subcommand())
+    except SystemExit as end:  # of argparse, with its help or its error told
+        code = end.code if isinstance(end.code, int) else last_resort.FAILED
+        raise SystemExit(last_resort.close_streams(code)) from None
+    except BaseException as error:
+        if debug and not isinstance(error, KeyboardInterrupt | BrokenPipeError):
             raise
-        print(f"ttwmr: {error}", file=sys.stderr)
-        return 1 if isinstance(error, RunError) else 2
-    except BrokenPipeError:  # the reader of our output left; that is its right
-        sys.stderr.close()
-        return 0
+        return last_resort.close_streams(last_resort.told(error))
 
 
 def parse(words: Sequence[str] | None = None) -> engine.Subcommand:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
+from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,7 +102,7 @@ class Live(Quiet):
 def warn(lines: list[str]) -> None:
     """Say what is worth knowing and no error."""
     for line in lines:
-        print(f"ttwmr: warning: {line}", file=sys.stderr)
+        say(f"warning: {line}")
 
 
 def command_line() -> list[str]:

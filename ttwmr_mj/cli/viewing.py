@@ -4,6 +4,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
+from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.viewer import choose_viewer
 
@@ -27,7 +28,7 @@ def viewing(wish: str | None) -> Iterator[LiveView | None]:
             print(f"open in a browser: {live.viewer.page}", flush=True)
         yield live
         if live.fault:
-            print(f"ttwmr: warning: the viewer ended early: {live.fault}", file=sys.stderr)
+            say(f"warning: the viewer ended early: {live.fault}")
         if live.viewer.page and live.alive and sys.stdin.isatty():
             print("the page is served until Ctrl-C", flush=True)
             with suppress(KeyboardInterrupt):

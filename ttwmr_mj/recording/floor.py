@@ -13,6 +13,7 @@ MARGIN_M = 0.4
 GRID_M = 0.1
 CELL_M = 0.02  # of the mesh that stands for uneven ground
 SHADING = 0.35  # of the light, on the steepest slope
+MOST_LINES = 1000  # of the grid in each direction; on a larger floor they lie further apart
 # What lies on the floor lies apart, else it flickers through each other.
 GRID_HEIGHT_M, PLACE_HEIGHT_M, BAND_HEIGHT_M, BORDER_HEIGHT_M = 3e-4, 8e-4, 1.2e-3, 1.6e-3
 TRAILER_HEIGHT_M, TRACTOR_HEIGHT_M = 2.1e-3, 2.6e-3  # of the driven paths
@@ -29,12 +30,14 @@ def floor_corners(reference: ReferencePath | None) -> FloatArray:
 
 
 def floor_shapes(corners_m: FloatArray) -> tuple[rr.Boxes3D, rr.LineStrips3D]:
-    """A thin plate, its top at z = 0, and a line on it every `GRID_M`."""
+    """A thin plate, its top at z = 0, and a line on it every `GRID_M`, or every 10, 100 or more."""
     low, high = corners_m
+    larger = float((high - low).max()) / (GRID_M * MOST_LINES)
+    apart = GRID_M * 10.0 ** max(np.ceil(np.log10(larger)), 0.0)
     plate = rr.Boxes3D(
         mins=[[*low, -0.01]], sizes=[[*(high - low), 0.01]], colors=[style.FLOOR], fill_mode="solid"
     )
-    xs, ys = (np.arange(np.ceil(low[i] / GRID_M), high[i] / GRID_M) * GRID_M for i in range(2))
+    xs, ys = (np.arange(np.ceil(low[i] / apart), high[i] / apart) * apart for i in range(2))
     lines = [[(x, low[1]), (x, high[1])] for x in xs] + [[(low[0], y), (high[0], y)] for y in ys]
     grid = rr.LineStrips3D(
         [lift(np.array(line), GRID_HEIGHT_M) for line in lines],

@@ -15,6 +15,7 @@ from ttwmr_mj.runs.laws import Broken, Laws
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.runs.stopwatch import Stopwatch
+from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import BoolArray, RobotState
@@ -23,7 +24,6 @@ Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
 TIPPED_RAD = 1.0  # no wheel of a robot so far tilted carries it any longer
 FLOWN_M = 0.3  # over the ground: whatever threw it, it is not driving
-ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,6 +13,7 @@ import numpy as np
 from ttwmr_mj.composite import tractor_chassis, trailer_chassis
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.scenario.limits import ESCAPE, MOST_PERIODS
 from ttwmr_mj.scenario.schema import Scenario
 
 STEP = "plant.contact.timestep_s"
@@ -264,6 +265,9 @@ def _one_period(scenario: Scenario) -> Iterable[Fault]:
     if scenario.duration_s < period:
         allowed = f"at least one control period, {period:g}"
         yield Fault(key=("duration_s",), got=f"{scenario.duration_s:g}", allowed=allowed)
+    elif scenario.periods > MOST_PERIODS:
+        allowed = f"at least {scenario.duration_s / MOST_PERIODS:.3g}: {MOST_PERIODS:,} periods"
+        yield Fault(key=("control", "sampling_time_s"), got=f"{period:g}", allowed=allowed)
 
 
 def _reference(scenario: Scenario) -> Iterable[Fault]:
@@ -273,7 +277,16 @@ def _reference(scenario: Scenario) -> Iterable[Fault]:
 
 def _controller(scenario: Scenario) -> Iterable[Fault]:
     if not scenario.reference.faults(scenario.believed_robot):
-        yield from scenario.controller.faults(scenario.reference, _path(scenario))
+        path = _path(scenario)
+        yield from scenario.controller.faults(scenario.reference, path)
+        yield from _too_far(path)
+
+
+def _too_far(path: ReferencePath | None) -> Iterable[Fault]:
+    """A run ends as diverged where it gets that far."""
+    if path is not None and (reach_m := float(np.abs(path.q[..., :2]).max())) > ESCAPE:
+        allowed = f"within {ESCAPE:g} m of the world's origin"
+        yield Fault(key=("reference",), problem=f"leads {reach_m:.3g} m away", allowed=allowed)
 
 
 def _path(scenario: Scenario) -> ReferencePath | None:

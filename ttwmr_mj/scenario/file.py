@@ -1,7 +1,6 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
-import tomllib
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -10,6 +9,7 @@ from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.files import parse_toml, read_toml
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import faults_of, suggestion
@@ -73,11 +73,7 @@ def read_scenario(path: Path) -> dict[str, Any]:
     Raises:
         InputError: it cannot be read as TOML.
     """
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        fault = Fault(problem=f"cannot be read as TOML: {error}")
-        raise InputError(fault, file=str(path)) from error
+    return read_toml(path)
 
 
 def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> Scenario:
@@ -154,8 +150,8 @@ def set_value(data: dict[str, Any], override: str) -> None:
         allowed = "key.path=value, as in plant.kind=analytic"
         raise _unset(f"--set {override}", allowed=allowed)
     try:
-        value = tomllib.loads(f"value = {text}")["value"]
-    except tomllib.TOMLDecodeError:
+        value = parse_toml(f"value = {text}")["value"]
+    except ValueError:
         value = text.strip()  # plain words need no quotes
     put_value(data, keys, value, f"--set {override}")
 

@@ -22,7 +22,9 @@ class Bench(Quiet, name="bench"):
         "folder for the results; finished runs in it are reused", metavar="DIR"
     )
     rescore: bool = option("run nothing, score the finished runs in --out")
-    workers: int | None = option("processes at a time; default: one per processor", metavar="N")
+    workers: int | None = option(
+        "processes at a time; default: one per processor", metavar="N", least=1
+    )
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.folder import open_folder, results_folder

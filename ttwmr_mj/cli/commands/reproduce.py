@@ -1,9 +1,9 @@
 """`ttwmr reproduce`: the article, run again."""
 
-import sys
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import option
+from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import Quiet
 
 
@@ -24,5 +24,5 @@ class Reproduce(Quiet, name="reproduce"):
         text = f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip()
         print(done.report if self.quiet else text)
         for name, reason in done.failures.items():
-            print(f"ttwmr: {name} could not be run: {reason}", file=sys.stderr)
+            say(f"{name} could not be run: {reason}")
         return 1 if done.runs_failed else 0

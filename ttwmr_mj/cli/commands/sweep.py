@@ -43,9 +43,13 @@ class Sweep(Quiet, name="sweep"):
     scheduler: str | None = option(
         "compute on a Dask cluster, such as tcp://head:8786", metavar="ADDRESS"
     )
-    workers: int | None = option("processes at a time; default: one per processor", metavar="N")
-    chunk: int | None = option("rows in a shard of the table; default: by what is run", metavar="N")
-    max_rows: int = option("refuse larger sweeps", 10_000_000, metavar="N")
+    workers: int | None = option(
+        "processes at a time; default: one per processor", metavar="N", least=1
+    )
+    chunk: int | None = option(
+        "rows in a shard of the table; default: by what is run", metavar="N", least=1
+    )
+    max_rows: int = option("refuse larger sweeps", 10_000_000, metavar="N", least=1)
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.sweep.folder.part import Part

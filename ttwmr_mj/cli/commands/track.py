@@ -14,7 +14,7 @@ class TrackCommand(NewFolder, Live, name="track"):
         "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
     )
     scenario: str = option("scenario whose robot is in the video", "lab_circle")
-    frames: int | None = option("stop after N frames", metavar="N")
+    frames: int | None = option("stop after N frames", metavar="N", least=1)
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.progress import progress_bar

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import sys
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.errors import InputError
 
@@ -36,7 +36,7 @@ class Validate(Overrides, name="validate"):
                     raise
                 errors.append(error)
         for fault in errors:
-            print(f"ttwmr: {fault}", file=sys.stderr)
+            say(str(fault))
         return 2 if errors else 0
 
     def _check_law(self, name: str, scenario: Scenario) -> None:

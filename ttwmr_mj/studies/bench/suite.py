@@ -20,7 +20,6 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
 
 import itertools
 import shlex
-import tomllib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,6 +29,7 @@ from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.files import read_toml
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
@@ -143,14 +143,11 @@ def load_suite(name_or_path: str) -> Suite:
         InputError: there is no such suite, or it is wrong; with every fault of the file.
     """
     path = _find(name_or_path)
+    data = read_toml(path)
     try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
         _refuse_sweep(data, path, name_or_path)
         suite = Suite.model_validate(data)
         faults = _faults(suite)
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        fault = Fault(problem=f"cannot be read as TOML: {error}")
-        raise InputError(fault, file=str(path)) from error
     except ValidationError as error:
         faults = [fault_of(item, Suite) for item in error.errors()]
     if faults:
@@ -173,7 +170,7 @@ def _refuse_sweep(data: dict[str, Any], path: Path, name: str) -> None:
 def shipped_suites() -> dict[str, Path]:
     """Name of every shipped suite and its file."""
     paths = sorted(sweeps_folder().glob("*.toml"))
-    return {path.stem: path for path in paths if is_suite(tomllib.loads(path.read_text("utf-8")))}
+    return {path.stem: path for path in paths if is_suite(read_toml(path))}
 
 
 def _find(name_or_path: str) -> Path:

@@ -1,13 +1,13 @@
 """Tolerances that make a comparison pass or fail, for continuous integration."""
 
 import math
-import tomllib
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import Fault, InputError, shown
+from ttwmr_mj.files import read_toml
 from ttwmr_mj.scenario.faults import suggestion
 
 
@@ -34,11 +34,7 @@ def read_tolerances(path: Path, known: Collection[str]) -> dict[str, float]:
     Raises:
         InputError: the file cannot be read, is empty, or holds an unknown key or no number.
     """
-    try:
-        data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        fault = Fault(key=("--tolerance",), problem=f"cannot be read as TOML: {error}")
-        raise InputError(fault, file=str(path)) from error
+    data = read_toml(path)
     found = (_fault(key, value, known) for key, value in data.items())
     faults = [fault for fault in found if fault]
     if not data:
@@ -53,8 +49,8 @@ def _fault(key: str, value: Any, known: Collection[str]) -> Fault | None:
     if key not in known:
         problem = f"unknown key{suggestion(key, list(known))}"
         return Fault(key=(key,), problem=problem, allowed=", ".join(known))
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value >= 0:
-        return Fault(key=(key,), got=shown(value), allowed="a number, 0 or more")
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value < math.inf:
+        return Fault(key=(key,), got=shown(value), allowed="a finite number, 0 or more")
     return None
 
 

@@ -11,6 +11,7 @@ import cv2
 import mujoco
 import numpy as np
 
+from ttwmr_mj.errors import InputError, shown
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.options import MOVES, CameraOptions
 
@@ -82,8 +83,12 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     The model's camera, a child of the world, is moved and turned by the options: once per call.
 
     Raises:
-        KeyError: the scene has no camera of that name.
+        InputError: the scene has no camera of that name.
     """
+    names = [model.camera(index).name for index in range(model.ncam)]
+    if options.name not in names:
+        allowed = ", ".join(map(repr, names)) or "none, as the scene has no camera"
+        raise InputError.at("sensing.camera.name", got=shown(options.name), allowed=allowed)
     camera = model.camera(options.name)
     if options.height_m is not None:
         camera.pos[2] = options.height_m

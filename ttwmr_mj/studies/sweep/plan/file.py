@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +12,7 @@ from pydantic import Field, ValidationError
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import Config
 from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.files import read_toml
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.studies.bench.suite import is_suite
@@ -182,11 +182,7 @@ def _find(name_or_path: str) -> Path:
 
 
 def _read(path: Path) -> Table:
-    try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        fault = Fault(problem=f"cannot be read as TOML: {error}")
-        raise InputError(fault, file=str(path)) from error
+    return read_toml(path)
 
 
 def _sound_part(data: Table, faults: list[Fault]) -> SweepFile:

@@ -1,0 +1,149 @@
+"""What no command foresees ends in one line and an exit code: real processes, real faults."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import printable
+
+TTWMR = [sys.executable, "-m", "ttwmr_mj"]
+PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
+
+
+def shell(line: str, cwd: Path, **more: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        ["sh", "-c", line.replace("ttwmr", " ".join(TTWMR))],
+        cwd=cwd,
+        capture_output=True,
+        text=True,
+        errors="backslashreplace",
+        timeout=120,
+        check=False,
+        env=os.environ | more,
+    )
+
+
+def one_line(text: str) -> str:
+    """The error, which must be one line."""
+    assert "Traceback" not in text
+    assert text.startswith("ttwmr: ")
+    assert text.count("\n") == 1
+    return text
+
+
+@pytest.mark.parametrize(
+    ("line", "code", "told"),
+    [
+        ("ttwmr export-schema > /dev/full", 1, "No space left on device"),
+        ("ttwmr --version > /dev/full", 1, "No space left on device"),
+        ("ttwmr export-schema | head -1 >/dev/null", 0, ""),
+        ("ttwmr runn 2>&-", 2, ""),
+        ("ttwmr --help >&-", 0, ""),
+        ("ttwmr --help >&- 2>&- <&-", 0, ""),
+        ("ttwmr validate lab_circle --set description=$(printf '\\377')", 2, "not UTF-8: "),
+    ],
+)
+def test_streams_and_words(line: str, code: int, told: str, tmp_path: Path) -> None:
+    done = shell(line, tmp_path)
+    assert done.returncode == code, done.stderr
+    if told:
+        assert told in one_line(done.stderr)
+    else:
+        assert done.stderr == ""
+
+
+def test_an_ascii_locale_prints_escapes_and_reads_words(tmp_path: Path) -> None:
+    done = shell("ttwmr export-schema", tmp_path, **PLAIN)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "\\u03b8" in done.stdout  # θ, which that locale lacks
+    words = "ttwmr validate lab_circle --set description='größer'"
+    assert shell(words, tmp_path, **PLAIN).returncode == 0
+    done = shell("ttwmr validate größer.toml", tmp_path, **PLAIN)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+
+
+LONG = "x" * 300
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["validate", f"{LONG}.toml"], "File name too long"),
+        (["view", LONG], "File name too long"),
+        (["run", "lab_circle", "--out", LONG], "File name too long"),
+        (["export-schema", "--out", f"{LONG}"], "File name too long"),
+        (["export-schema", "--out", "no/folder/schema.json"], "No such file or directory"),
+        (["export-schema", "--out", "file/schema.json"], "Not a directory"),
+        (["validate", "lab_circle", "--fragment", "folder"], "Is a directory"),
+        (["validate", "a\0b.toml"], ""),
+    ],
+)
+def test_names_that_cannot_be_used(
+    words: list[str],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").write_text("")
+    (tmp_path / "folder").mkdir()
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert told in one_line(err)
+    assert len(err) < 1000
+
+
+@pytest.mark.parametrize("words", [["sweep", "lab"], ["bench", "quick"]])
+@pytest.mark.parametrize("number", ["-1", "0", "two", "9" * 5000])
+def test_counts_are_whole_and_positive(
+    words: list[str], number: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as left:
+        main([*words, f"--workers={number}"])
+    assert left.value.code == 2
+    assert "workers" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "told"),
+    [
+        (OSError(28, "No space left on device", "a/b"), 1, "a/b: No space left on device; files"),
+        (PermissionError(13, "Permission denied", "a"), 2, "a: Permission denied"),
+        (OSError("odd"), 1, "odd"),
+        (MemoryError(), 1, "out of memory"),
+        (RecursionError("deep"), 2, "nested too deeply"),
+        (KeyboardInterrupt(), 1, "stopped"),
+        (ZeroDivisionError("a\nb"), 1, "unexpected ZeroDivisionError: a; --debug"),
+    ],
+)
+def test_any_exception_is_one_line(
+    error: BaseException,
+    code: int,
+    told: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fails(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("ttwmr_mj.scenario.file.load_scenario", fails)
+    assert main(["validate", "lab_circle"]) == code
+    assert told in one_line(capsys.readouterr().err)
+    if isinstance(error, Exception):
+        with pytest.raises(type(error)):
+            main(["validate", "lab_circle", "--debug"])
+
+
+def test_what_a_terminal_obeys_is_printed_as_escapes(capsys: pytest.CaptureFixture[str]) -> None:
+    assert printable("θ − ×\n\t") == "θ − ×\n\t"
+    assert printable("\x1b[2J\x9b\r\u202e\udcff") == "\\x1b[2J\\x9b\\r\\u202e\\udcff"
+    assert main(["validate", "lab_circle", "--set", "\x1b]0;title\x07=1"]) == 2
+    assert "\x1b" not in capsys.readouterr().err

@@ -1,0 +1,135 @@
+"""What no command foresees: a full disk, an unreadable folder, a closed terminal, a bug."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import sys
+from collections.abc import Sequence
+
+from ttwmr_mj.errors import InputError, RunError, TtwmrError, printable
+
+DONE, FAILED, WRONG = 0, 1, 2  # exit codes
+# what the user named cannot be used; any other error of the system is no fault of the input
+OF_NAMES = frozenset(
+    {
+        errno.ENAMETOOLONG,
+        errno.ENOENT,
+        errno.ENOTDIR,
+        errno.EISDIR,
+        errno.EEXIST,
+        errno.ELOOP,
+        errno.EACCES,
+        errno.EPERM,
+        errno.EINVAL,
+    }
+)
+
+
+def open_streams() -> None:
+    """Standard streams that can be written to, whatever the process was started with.
+
+    A closed one would give its number to the next file that is opened, a result for instance, and
+    what a library prints would end in it. Letters that a terminal lacks are printed as escapes.
+    """
+    for number, name in enumerate(("stdin", "stdout", "stderr")):
+        try:
+            os.fstat(number)
+        except OSError:
+            _discard(number)
+        if getattr(sys, name) is None:
+            mode = "r" if name == "stdin" else "w"
+            setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))  # noqa: SIM115, PTH123
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a test's or a notebook's may not
+            stream.reconfigure(errors="backslashreplace")
+
+
+def readable(words: Sequence[str]) -> list[str]:
+    """The words of a command line as UTF-8, whatever the locale.
+
+    Raises:
+        InputError: one of them is not.
+    """
+    try:
+        return [word if word.isascii() else os.fsencode(word).decode() for word in words]
+    except UnicodeError as error:
+        bad = getattr(error, "object", "")
+        text = bad.decode(errors="backslashreplace") if isinstance(bad, bytes) else ascii(bad)
+        raise InputError(f"a word of the command line is not UTF-8: {text}") from error
+
+
+def close_streams(code: int) -> int:
+    """Flush the output; the exit code, which is FAILED where the output could not be written."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:  # the reader of our output left; that is its right
+        _discard(1)
+    except OSError as error:
+        _discard(1)
+        say(f"cannot write the output: {error.strerror or error}")
+        code = code or FAILED
+    return code
+
+
+def told(error: BaseException) -> int:
+    """Say in one line what ended the command; returns the exit code."""
+    if isinstance(error, BrokenPipeError):
+        _discard(1)
+        return DONE
+    text, code = _meaning(error)
+    say(text)
+    return code
+
+
+def say(text: str) -> None:
+    """Print to stderr as far as that is possible, without what a terminal would obey."""
+    with contextlib.suppress(OSError, ValueError):
+        print(f"ttwmr: {printable(text)}", file=sys.stderr, flush=True)
+
+
+def _meaning(error: BaseException) -> tuple[str, int]:
+    """What happened, in words, and the exit code."""
+    match error:
+        case KeyboardInterrupt():
+            return "stopped", FAILED
+        case RunError():
+            return str(error), FAILED
+        case TtwmrError():
+            return str(error), WRONG
+        case OSError():
+            named = error.errno in OF_NAMES
+            where = f"{_short(str(error.filename))}: " if error.filename is not None else ""
+            why = error.strerror or str(error) or type(error).__name__
+            kept = "" if named else "; files that were complete are kept"
+            return f"{where}{why}{kept}", WRONG if named else FAILED
+        case UnicodeEncodeError():
+            hint = "set LC_ALL=C.UTF-8"
+            return f"this locale cannot name {ascii(error.object)[:80]}; {hint}", WRONG
+        case RecursionError():
+            return "the input is nested too deeply", WRONG
+        case MemoryError():
+            return "out of memory; files that were complete are kept", FAILED
+    words = f"{type(error).__name__}: {described(error)}".splitlines() or [""]
+    return f"unexpected {_short(words[0], 300)}; --debug shows where, please report it", FAILED
+
+
+def described(error: BaseException) -> str:
+    """What an exception says of itself, if it can."""
+    try:
+        return str(error)
+    except Exception as other:
+        return f"(its text raised {type(other).__name__})"
+
+
+def _short(text: str, most: int = 100) -> str:
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def _discard(number: int) -> None:
+    """Let a standard stream lead nowhere."""
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    if nowhere != number:
+        os.dup2(nowhere, number)
+        os.close(nowhere)
