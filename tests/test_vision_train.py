@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,12 +19,14 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.vision.camera.frame import TRAILER_CLASS
 from ttwmr_mj.vision.camera.labels import LabelLayout, read_layout
-from ttwmr_mj.vision.camera.options import CameraOptions
+from ttwmr_mj.vision.camera.model import hang_camera
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.coco import category
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.commands import CommandHistory
 from ttwmr_mj.vision.tracking.detection import Candidates, Detector
+from ttwmr_mj.vision.tracking.kalman import update_pose
 from ttwmr_mj.vision.tracking.motion import Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 from ttwmr_mj.vision.tracking.pose import solve_pose
@@ -182,6 +185,67 @@ def test_a_train_whose_last_trailer_is_covered_is_said_to_be_lost_and_comes_back
     assert not any(np.array(valid)[(covered > 3.0) & (covered < 4.0)])
     assert all(valid[-10:])
     camera.close()
+
+
+class Seen:
+    """A detector that finds every label where it is, and hues as they are."""
+
+    def __init__(self, labels: LabelLayout) -> None:
+        self.hue, self.centres = labels.hue, np.empty((labels.count, 2))
+
+    def search(self, image: object) -> Candidates:
+        del image
+        return Candidates(self.hue, self.centres)
+
+    def track(self, image: object, near: FloatArray, search_px: float) -> tuple[FloatArray, Any]:
+        del image, near, search_px
+        return self.centres.copy(), np.ones(len(self.centres), dtype=bool)
+
+
+def test_two_searches_tell_how_fast_the_trailers_of_a_long_train_turn() -> None:
+    """Their rates are unknown at first, so the second frame is searched as a whole as well."""
+    robot, camera = train(3), hang_camera(model(3), LAB_CAMERA)
+    tracker, motion = (
+        Tracker(camera, layout(), robot, TrackerOptions()),
+        MotionModel(robot, TrackerOptions()),
+    )
+    tracker.detector = seen = Seen(layout())  # type: ignore[assignment]
+    rate = np.array([0.3, -0.6, 0.4])
+    truth = Gaussian(0.0, np.concatenate([Q, [0.0, 0.0], rate]), np.zeros((11, 11)))
+    whole = []
+    for k in range(6):
+        time = PERIOD * k
+        truth = motion.predict(truth, time, CommandHistory(robot).ramps(truth.time_s, time))
+        seen.centres = camera.project(layout().centres_m(truth.mean[:6]))
+        sighting = tracker.see(np.zeros((1, 1, 3), dtype=np.uint8), time)
+        whole.append(bool(np.isnan(sighting.search_px)))
+    assert whole == [True, True, False, False, False, False]
+    estimate = tracker.estimate(time)
+    assert estimate.q == pytest.approx(truth.mean[:6], abs=1e-4)
+    # noise of 1 mrad, as labels of the laboratory's camera give, over a few frames
+    assert estimate.q_rate[3:] == pytest.approx(truth.mean[8:], abs=0.01)
+
+
+def test_a_pose_is_worked_into_what_was_known() -> None:
+    """As Bayes' theorem in the form of information has it; a pose that is elsewhere is refused."""
+    rng, size = np.random.default_rng(3), 11
+    root = rng.normal(size=(size, size))
+    prior = Gaussian(1.0, rng.normal(size=size), root @ root.T)
+    pose = np.diag(rng.uniform(1e-3, 1e-2, size))
+    seen = Gaussian(1.0, prior.mean + 0.01, pose)
+    got = update_pose(prior, seen, 6)
+    assert got is not None
+    information = np.linalg.inv(prior.covariance)
+    added = np.zeros((size, size))
+    added[:6, :6] = np.linalg.inv(pose[:6, :6])
+    covariance = np.linalg.inv(information + added)
+    mean = covariance @ (information @ prior.mean + added @ seen.mean)
+    assert got.covariance == pytest.approx(covariance, rel=1e-6, abs=1e-9)
+    assert got.mean == pytest.approx(mean, rel=1e-6)
+    for off, kept in ((30.0, True), (34.0, False)):  # squared, of the first number alone
+        sure = Gaussian(1.0, prior.mean, 0.5 * np.eye(size))
+        far = Gaussian(1.0, prior.mean + np.eye(size)[0] * off**0.5, 0.5 * np.eye(size))
+        assert (update_pose(sure, far, 6) is not None) == kept
 
 
 @pytest.mark.parametrize("robot", [train(2, **FREE), motley()])

@@ -9,6 +9,8 @@ from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.tracking.motion import Gaussian
 
+JUMP_CHI2 = 32.0  # one pose of eight numbers in 10 000 is farther off, and fewer of a shorter train
+
 
 def update(
     prior: Gaussian,
@@ -49,6 +51,31 @@ def update(
     covariance = prior.covariance - gain @ cross.T
     mean = prior.mean + gain @ difference
     return Gaussian(prior.time_s, mean, 0.5 * (covariance + covariance.T)), used
+
+
+def update_pose(prior: Gaussian, seen: Gaussian, width: int) -> Gaussian | None:
+    """Work a pose that was found without the prior into it.
+
+    What the prior knows of rates is kept so: two poses, however far apart, tell how fast a trailer
+    turns. Nothing is linearised.
+
+    Args:
+        prior: at the time of the pose.
+        seen: whose first `width` numbers, and their covariance, are the pose.
+        width: numbers of a pose.
+
+    Returns:
+        The posterior; None where the robot is not where the prior says it can be.
+    """
+    innovation = seen.mean[:width] - prior.mean[:width]
+    cross = prior.covariance[:, :width]
+    spread = cross[:width] + seen.covariance[:width, :width]
+    gain = np.linalg.solve(spread, cross.T).T
+    if innovation @ np.linalg.solve(spread, innovation) > JUMP_CHI2:
+        return None
+    covariance = prior.covariance - gain @ cross.T
+    mean = prior.mean + gain @ innovation
+    return Gaussian(prior.time_s, mean, 0.5 * (covariance + covariance.T))
 
 
 def _squared_distances(innovation: FloatArray, spread: FloatArray) -> FloatArray:

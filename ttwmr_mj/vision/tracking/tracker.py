@@ -19,7 +19,7 @@ from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.commands import CommandHistory
 from ttwmr_mj.vision.tracking.detection import Detector
 from ttwmr_mj.vision.tracking.estimate import Sighting, Status, TrackEstimate, no_labels
-from ttwmr_mj.vision.tracking.kalman import update
+from ttwmr_mj.vision.tracking.kalman import update, update_pose
 from ttwmr_mj.vision.tracking.motion import Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
 from ttwmr_mj.vision.tracking.pose import LabelPose, solve_pose
@@ -169,7 +169,7 @@ class Tracker:
         if not found.any() or self._is_frozen(centres, found, expected):
             self._expire(time_s)
             return Sighting(no_labels(self.layout.count), expected, search)
-        used = self._update(prior, centres, found)
+        self._filtered, used = self._updated(prior, centres, found)
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
         if used.any():
@@ -179,16 +179,16 @@ class Tracker:
             self.status, self._misfits = Status.LOST, 0
         return Sighting(centres, expected, search)
 
-    def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> BoolArray:
+    def _updated(
+        self, prior: Gaussian, centres: FloatArray, found: BoolArray
+    ) -> tuple[Gaussian, BoolArray]:
         """Kalman's update with the labels that pass the gate (labels,)."""
         points = self.camera.to_plane(np.where(found[:, None], centres, 0.0), self.layout.height_m)
-        self._filtered, used = update(
-            prior, points, found, self.layout, self._noise_m2, self._options.gate_chi2
-        )
-        return used
+        noise_m2, gate = self._noise_m2, self._options.gate_chi2
+        return update(prior, points, found, self.layout, noise_m2, gate)
 
     def _acquire(self, image: Pixels, time_s: float) -> Sighting | None:
-        """Look everywhere, and start afresh from what looks like the robot."""
+        """Look everywhere; go on from what looks like the robot, afresh where it jumped."""
         candidates = self.detector.search(image)
         points = self.camera.to_plane(candidates.centre_px, self.layout.height_m[candidates.hue])
         got = constellation.choose(candidates, points, self.layout)
@@ -196,14 +196,16 @@ class Tracker:
             return None
         pose, index = got
         q, rate = pose.q, np.zeros(self._trailers)
-        if self._filtered is not None:
-            last = self._at(time_s).mean
-            q[2:] = unwrap_near(q[2:], last[2 : self._width])
-            rate = last[self._width + 2 :]
-        prior = self._first(time_s, q, rate, SIGHTED_STD)
+        last = None if self._filtered is None else self._at(time_s)
+        if last is not None:
+            q[2:] = unwrap_near(q[2:], last.mean[2 : self._width])
+            rate = last.mean[self._width + 2 :]
+        fresh = self._first(time_s, q, rate, SIGHTED_STD)
         centres = no_labels(self.layout.count)
         centres[index >= 0] = candidates.centre_px[index[index >= 0]]
-        self._update(prior, centres, index >= 0)
+        self._filtered, _ = self._updated(fresh, centres, index >= 0)
+        if last is not None:
+            self._filtered = update_pose(last, self._filtered, self._width) or self._filtered
         self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
         return Sighting(centres, no_labels(self.layout.count))
 
