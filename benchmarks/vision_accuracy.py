@@ -5,15 +5,17 @@ colours on the floor. "clean" has an ideal lens and no noise; "lab" has 2 % nois
 8 ms exposure at 0.3 m/s, and a lens that only a calibration knows. The markers' frames show printed
 ArUco markers in place of the discs, at the same poses through the same sensor.
 
-    python benchmarks/vision_accuracy.py [poses]
+    python benchmarks/vision_accuracy.py [poses] [--trailers 3]
 
+More trailers than one are drawn so that bodies stay apart and all labels are in the picture; there
+are no markers and no times then.
 The last line is JSON.
 """
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 from dataclasses import dataclass, field
 from time import perf_counter
 from typing import Any
@@ -24,7 +26,7 @@ import numpy as np
 
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model, build_spec
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters, Trailer
 from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.calibration.calibrate import calibrate_virtual
 from ttwmr_mj.vision.camera.frame import Image
@@ -50,6 +52,8 @@ WRONG_PX = 1.5  # a centre farther off is not the label
 TIMED_FRAMES = 300
 PERIOD_S = 0.033
 ROBOT = RobotParameters()
+REAR_HITCH_M = 0.23  # of a towing trailer, behind its bed
+BORDER_PX = 12.0  # a label and its blur are so far inside of the picture
 DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
 MODULES = 8  # of a printed marker: 4 of code, 2 of frame, 2 of white border
 MODULE_PX = 24
@@ -85,18 +89,75 @@ class Score:
         def rms(values: Any) -> float | None:
             return float(np.sqrt(np.mean(np.square(values)))) if len(values) else None
 
-        angles = np.degrees(np.array(self.angle_rad).reshape(-1, 2))
+        angles = np.degrees(np.array(self.angle_rad))
+        each = {f"theta{i + 1}_rms_deg": rms(column) for i, column in enumerate(angles.T)}
         return {
             "position_rms_mm": rms(1e3 * np.array(self.position_m)),
-            "theta1_rms_deg": rms(angles[:, 0]),
-            "theta2_rms_deg": rms(angles[:, 1]),
+            **each,
             "detection_rate": self.complete / self.frames,
             "distractor_accepted": self.wrong,
         }
 
 
+def train_of(trailers: int) -> RobotParameters:
+    """Table I's trailer repeated."""
+    towing = Trailer(next_hitch_offset_m=REAR_HITCH_M)
+    return RobotParameters(
+        trailers=(*[towing] * (trailers - 1), Trailer()), hitches=(Hitch(),) * trailers
+    )
+
+
+class Drawn:
+    """Random poses of a train (n, 3 + trailers) that a camera sees whole, no body in another."""
+
+    def __init__(self, camera: VirtualCamera) -> None:
+        self._camera, self._data = camera, mujoco.MjData(camera.model)
+        self._size_px = np.array([camera.true.width_px, camera.true.height_px])
+        hulls = [
+            i for i in range(camera.model.ngeom) if camera.model.geom(i).name.endswith("_hull")
+        ]
+        self._hulls = set(hulls)
+
+    def layout(self, rng: np.random.Generator) -> tuple[tuple[Distractor, ...], FloatArray]:
+        """Distractors anywhere in view, and poses clear of them."""
+        trailers = self._camera.layout.trailers
+        if trailers == 1:
+            return random_layout(rng)
+        discs = rng.uniform([-0.85, -0.62], [0.85, 0.62], (DISTRACTORS, 2))
+        poses: list[FloatArray] = []
+        while len(poses) < POSES_PER_LAYOUT:
+            hitches = rng.uniform(-1.0, 1.0, trailers) * LARGEST_HITCH_RAD
+            place = rng.uniform([-0.8, -0.6], [0.8, 0.6])
+            q = np.array([*place, *np.cumsum([rng.uniform(-np.pi, np.pi), *hitches])])
+            labels_m = self._camera.layout.centres_m(q)
+            away = np.linalg.norm(discs[:, None] - labels_m[:, :2], axis=2).min()
+            # a disc's radius and a label's, and their blur
+            if away > 0.06 and self._apart(q) and self._in_view(labels_m):
+                poses.append(q)
+        return distractors(discs, rng), np.array(poses)
+
+    def _apart(self, q: FloatArray) -> bool:
+        self._data.qpos[:] = self._camera.posture.positions(q)
+        mujoco.mj_forward(self._camera.model, self._data)
+        pairs = self._data.contact.geom[: self._data.ncon].tolist()
+        return not any(self._hulls.issuperset(pair) for pair in pairs)
+
+    def _in_view(self, labels_m: FloatArray) -> bool:
+        pixel = self._camera.true.project(labels_m)
+        return bool(np.minimum(pixel, self._size_px - 1.0 - pixel).min() > BORDER_PX)
+
+
+def distractors(discs: FloatArray, rng: np.random.Generator) -> tuple[Distractor, ...]:
+    """Discs (n, 2) in random colours of labels."""
+    colours = rng.integers(len(NAMES), size=DISTRACTORS)
+    return tuple(
+        Distractor(colour_of=NAMES[colour], position_m=(float(x), float(y)))
+        for colour, (x, y) in zip(colours, discs, strict=True)
+    )
+
+
 def random_layout(rng: np.random.Generator) -> tuple[tuple[Distractor, ...], FloatArray]:
-    """Distractors anywhere in view, and poses (n, 4) clear of them."""
+    """Distractors anywhere in view, and poses (n, 4) of one trailer clear of them."""
     discs = rng.uniform([-0.85, -0.62], [0.85, 0.62], (DISTRACTORS, 2))
     poses: list[FloatArray] = []
     while len(poses) < POSES_PER_LAYOUT:
@@ -105,28 +166,25 @@ def random_layout(rng: np.random.Generator) -> tuple[tuple[Distractor, ...], Flo
         theta1, hitch = rng.uniform(-np.pi, np.pi), rng.uniform(-1.0, 1.0) * LARGEST_HITCH_RAD
         if np.linalg.norm(discs - place, axis=1).min() > ROBOT_REACH_M:
             poses.append(np.array([*place, theta1, theta1 + hitch]))
-    colours = rng.integers(len(NAMES), size=DISTRACTORS)
-    laid = tuple(
-        Distractor(colour_of=NAMES[colour], position_m=(float(x), float(y)))
-        for colour, (x, y) in zip(colours, discs, strict=True)
-    )
-    return laid, np.array(poses)
+    return distractors(discs, rng), np.array(poses)
 
 
 def moving(q: FloatArray, speed_m_s: float) -> FloatArray:
     """Rates of a robot that drives straight on."""
-    return np.array([speed_m_s * np.cos(q[2]), speed_m_s * np.sin(q[2]), 0.0, 0.0])
+    rates = np.zeros_like(q)
+    rates[:2] = speed_m_s * np.cos(q[2]), speed_m_s * np.sin(q[2])
+    return rates
 
 
 def score_discs(
     camera: VirtualCamera, known: CameraModel, speed_m_s: float, poses: int, rng: Any
 ) -> Score:
     """The package's own chain, a whole-frame search in every frame."""
-    score, layout = Score(), camera.layout
+    score, layout, drawn = Score(), camera.layout, Drawn(camera)
     height = float(layout.height_m.mean())
     detector = Detector(layout, layout.radius_m / known.metres_per_pixel(height))
     while score.frames < poses:
-        laid, places = random_layout(rng)
+        laid, places = drawn.layout(rng)
         camera.lay_out(laid)
         for q in places:
             frame = camera.take(
@@ -135,7 +193,7 @@ def score_discs(
             if frame.truth is None:
                 raise AssertionError("simulated frames carry their truth")
             found = detector.search(frame.image)
-            points = known.to_plane(found.centre_px, layout.height_m[found.label])
+            points = known.to_plane(found.centre_px, layout.height_m[found.hue])
             got = constellation.choose(found, points, layout)
             if got is None:
                 score.add(None, frame.truth.q)
@@ -285,10 +343,15 @@ def time_chain(camera: VirtualCamera, known: CameraModel) -> dict[str, float]:
 
 
 def main() -> None:
-    poses = int(sys.argv[1]) if len(sys.argv) > 1 else POSES
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("poses", nargs="?", type=int, default=POSES)
+    parser.add_argument("--trailers", type=int, default=1)
+    args = parser.parse_args()
+    poses, lone = args.poses, args.trailers == 1
     cv2.setNumThreads(1)  # as in the loop
     result: dict[str, Any] = {"benchmark": "vision_accuracy", "poses": poses, "seed": SEED}
-    model = build_model(ROBOT, ContactOptions())
+    result["trailers"] = args.trailers
+    model = build_model(ROBOT if lone else train_of(args.trailers), ContactOptions())
     for kind, options, speed in (("clean", CameraOptions(), 0.0), ("lab", LAB_CAMERA, SPEED_M_S)):
         camera = VirtualCamera(options, model, np.random.default_rng(SEED))
         if kind == "lab":
@@ -300,19 +363,23 @@ def main() -> None:
         discs = score_discs(camera, known, speed, poses, np.random.default_rng(SEED))
         result[kind] = {"discs": discs.summary()}
         camera.lay_out(())
-        result[kind]["time"] = time_chain(camera, known)
+        if lone:
+            result[kind]["time"] = time_chain(camera, known)
         camera.close()
-        for name, large in (("aruco_36mm", False), ("aruco_64mm", True)):
+        markers = (("aruco_36mm", False), ("aruco_64mm", True)) if lone else ()
+        for name, large in markers:
             result[kind][name] = score_markers(options, known, speed, poses, large).summary()
         report(kind, result[kind])
     print(json.dumps(result))
 
 
 def report(kind: str, measured: dict[str, Any]) -> None:
-    print(f"{kind:6s} {'':12s} {'P mm':>8s} {'θ1 °':>8s} {'θ2 °':>8s} {'found':>8s} {'wrong':>6s}")
-    for name in ("discs", "aruco_36mm", "aruco_64mm"):
+    angles = [key for key in measured["discs"] if key.startswith("theta")]
+    heads = " ".join(f"{f'θ{i + 1} °':>8s}" for i in range(len(angles)))
+    print(f"{kind:6s} {'':12s} {'P mm':>8s} {heads} {'found':>8s} {'wrong':>6s}")
+    for name in (name for name in ("discs", "aruco_36mm", "aruco_64mm") if name in measured):
         row = measured[name]
-        columns = [("position_rms_mm", 3), ("theta1_rms_deg", 4), ("theta2_rms_deg", 4)]
+        columns = [("position_rms_mm", 3), *((key, 4) for key in angles)]
         errors = [
             "       –" if row[key] is None else f"{row[key]:8.{digits}f}" for key, digits in columns
         ]
@@ -320,6 +387,8 @@ def report(kind: str, measured: dict[str, Any]) -> None:
             f"{'':6s} {name:12s} {' '.join(errors)} {100 * row['detection_rate']:7.2f}% "
             f"{row['distractor_accepted']:6d}"
         )
+    if "time" not in measured:
+        return
     times = measured["time"]
     print(
         f"{'':6s} median ms: render {times['render_ms']:.2f}, tracked detection and filter "

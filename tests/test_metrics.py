@@ -39,6 +39,12 @@ def two() -> Trajectory:
     rows.saturated[0, 0] = True
     rows.saturated[2:, 1] = True
     rows.near_singular[:4, 0] = True
+    rows.tilt_rad[:, 1], rows.height_m[:, 1], rows.wheels_on_floor[:, 1] = 0.0, -0.001, 2.0
+    rows.wheel_slip_m_s[:, 1] = 0.0
+    rows.tilt_rad[:, 0] = [0.0, 0.1, 0.3, 0.2, 0.0]
+    rows.height_m[:, 0] = [-0.01, 0.0, 0.02, 0.0, 0.0]
+    rows.wheels_on_floor[:, 0] = [2.0, 1.0, 0.0, 2.0, 2.0]
+    rows.wheel_slip_m_s[:, 0] = [0.0, 0.031, 0.029, 0.5, 0.1]
     return rows
 
 
@@ -70,6 +76,10 @@ FIRST = {
     "estimator_theta1_rmse_rad": 0.1,
     "estimator_theta2_rmse_rad": 0.2,
     "blind_share": 0.4,
+    "tilt_max_rad": 0.3,
+    "height_max_m": 0.02,
+    "airborne_share": 0.4,
+    "slipping_share": 0.6,
 }
 SECOND = {
     "tractor_rmse_m": 0.0,
@@ -98,6 +108,10 @@ SECOND = {
     "estimator_theta1_rmse_rad": 0.0,
     "estimator_theta2_rmse_rad": 0.0,
     "blind_share": 0.0,
+    "tilt_max_rad": 0.0,
+    "height_max_m": -0.001,
+    "airborne_share": 0.0,
+    "slipping_share": 0.0,
 }
 
 
@@ -112,7 +126,7 @@ def test_every_metric_says_what_it_is() -> None:
     (first, second), names = score(two(), ROBOT), list(METRICS)
     assert list(first) == list(second) == names == list(FIRST) == list(SECOND)
     said = {metric.meaning for name, metric in METRICS.items() if not name.startswith("steady_")}
-    assert len(said) == 19  # one for each
+    assert len(said) == 23  # one for each
     assert METRICS["tractor_rmse_m"].meaning == "rms distance of P from its reference"
     assert (
         METRICS["blind_share"].meaning

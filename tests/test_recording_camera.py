@@ -44,7 +44,10 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     # a camera that sees x, y, and marks its height by 1000 px per metre in x
     camera = SimpleNamespace(project=lambda p: p[:, :2] + 1000 * p[:, 2:] * [1.0, 0.0])
     layout = SimpleNamespace(
-        centres_m=lambda q: LABELS + [*q[:2], 0.0], height_m=np.array([0.1, 0.1, 0.12, 0.12])
+        centres_m=lambda q: LABELS + [*q[:2], 0.0],
+        hitches_m=lambda q: q[None, :2],
+        height_m=np.array([0.1, 0.1, 0.12, 0.12]),
+        names=("tractor_front", "tractor_rear", "trailer_front", "trailer_rear"),
     )
     with recorder(path, None) as recording:
         recording.append_camera(camera, layout, records[:1])
@@ -69,6 +72,14 @@ def test_labels_are_where_they_were_found_and_are(read: Recording) -> None:
         ((time_ns, shown),) = read.entities[f"/camera/picture/{name}"]["Points2D:positions"]
         assert time_ns == HALF_S
         np.testing.assert_array_equal(shown, points[np.isfinite(points[:, 0])])
+
+
+def test_labels_that_are_hidden_are_named_where_they_must_be(read: Recording) -> None:
+    points = read.entities["/camera/picture/hidden"]["Points2D:positions"]
+    names = read.entities["/camera/picture/hidden"]["Points2D:labels"]
+    assert [time_ns for time_ns, _ in points] == [HALF_S]
+    assert points[0][1] == [[102.0, 0.0]]
+    assert names[0][1] == ["tractor rear"]
 
 
 def test_boxes_are_where_labels_were_looked_for(read: Recording) -> None:

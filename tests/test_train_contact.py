@@ -173,8 +173,20 @@ def test_a_flat_ellipse_leads_trains_that_are_flat() -> None:
 @pytest.mark.parametrize(
     ("override", "key"),
     [
-        ("sensing={kind='camera'}", "sensing.kind"),
+        (
+            "sensing={kind='camera',camera={faults={occluders=[{over='trailer',trailer=3}]}}}",
+            "sensing.camera.faults.occluders.0.trailer",
+        ),
+        (
+            "sensing={kind='camera',camera={faults={faded=[{label='trailer_rear',trailer=3}]}}}",
+            "sensing.camera.faults.faded.0.trailer",
+        ),
         ("controller={kind='flatness'}", "controller.kind"),
+        ("controller={kind='tvlqr',recovery='mpc'}", "controller.recovery"),
+        (
+            f"robot={{trailers=[{'{next_hitch_offset_m=0.23},' * 5}{{}}],hitches=[{'{},' * 6}]}}",
+            "robot.trailers: got 6 of them; allowed: at most 5 of them",
+        ),
         ("reference={kind='planned',plan='figure_eight'}", "reference.kind"),
         ("initial.more_trailers_rad=[0.1,0.2]", "initial.more_trailers_rad"),
         ("plant.analytic.published_spring=true", "plant.analytic.published_spring"),

@@ -25,6 +25,10 @@ est_x_rate_m_s est_y_rate_m_s est_theta1_rate_rad_s est_theta2_rate_rad_s wheel_
 wheel_left_cmd_rad_s wheel_right_rad_s wheel_left_rad_s est_valid measurement_age_s labels_found
 saturated
 near_singular
+tilt_rad
+height_m
+wheels_on_floor
+wheel_slip_m_s
 lyapunov_v
 lyapunov_v_rate_1_s
 lyapunov_v_rate_eq36_1_s""".split()

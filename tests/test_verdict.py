@@ -196,6 +196,38 @@ def test_shares_have_limits(flag: str, key: str, name: str) -> None:
     assert "50.5 % of the samples (limit 50.4 %)" in found.what
 
 
+@pytest.mark.parametrize(
+    ("name", "column", "key", "limit"),
+    [
+        ("tipped_over", "tilt_rad", "tilt_rad", 0.3),
+        ("off_the_ground", "height_m", "height_m", 0.02),
+    ],
+)
+def test_footing_has_limits_with_and_without_a_reference(
+    name: str, column: str, key: str, limit: float
+) -> None:
+    rows = still()
+    rows.tilt_rad[:], rows.height_m[:], rows.wheels_on_floor[:] = 0.0, 0.0, 2.0
+    getattr(rows, column)[40] = limit + HAIR
+    assert verdict(rows, **{key: 2 * limit}).name == "followed"
+    found = verdict(rows)
+    assert (found.name, found.number, found.limit) == (name, limit + HAIR, limit)
+    rows.ref_q[:] = np.nan
+    assert verdict(rows).name == name
+    getattr(rows, column)[40] = limit - HAIR
+    assert verdict(rows).name == "no_reference"
+
+
+def test_wheels_may_leave_the_ground_for_a_share_of_the_time() -> None:
+    rows = still()
+    rows.tilt_rad[:] = 0.0
+    rows.wheels_on_floor[:] = 2.0
+    rows.wheels_on_floor[:51] = 1.0
+    assert verdict(rows, airborne_share=51 / 101 + HAIR).name == "followed"
+    found = verdict(rows, airborne_share=50.9 / 101)
+    assert (found.name, found.number) == ("off_the_ground", pytest.approx(51 / 101))
+
+
 def test_no_share_allowed_is_kept_by_none() -> None:
     rows = still()
     assert verdict(rows, blind_share=0.0, saturated_share=0.0).name == "followed"

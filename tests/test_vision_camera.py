@@ -15,7 +15,7 @@ from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Lens
-from ttwmr_mj.vision.tracking.pose import label_jacobian, solve_pose
+from ttwmr_mj.vision.tracking.pose import solve_pose
 
 
 def lab() -> CameraModel:
@@ -91,7 +91,7 @@ def beside_the_axis() -> LabelLayout:
 
 def test_label_jacobian_against_differences() -> None:
     layout, q, step = beside_the_axis(), np.array([0.2, -0.1, 0.7, 2.1]), 1e-6
-    jacobian = label_jacobian(q, layout)
+    jacobian = layout.jacobian(q)
     for i, change in enumerate(step * np.eye(4)):
         ahead, behind = layout.centres_m(q + change), layout.centres_m(q - change)
         slope = (ahead - behind)[:, :2].ravel() / (2 * step)

@@ -34,7 +34,7 @@ def find(
 ) -> tuple[FloatArray, FloatArray]:
     """Pose and the four centres of a whole-frame search that must succeed."""
     candidates = detector.search(frame.image)
-    points = known.to_plane(candidates.centre_px, layout.height_m[candidates.label])
+    points = known.to_plane(candidates.centre_px, layout.height_m[candidates.hue])
     got = constellation.choose(candidates, points, layout)
     assert got is not None
     assert (got[1] >= 0).all()
@@ -109,7 +109,7 @@ def test_distractors_of_every_colour_are_not_taken_for_labels() -> None:
     q = np.array([-0.2, -0.2, 0.3, 0.9])
     frame = source.take(source.posture.positions(q), STILL, 0.0)
     assert frame.truth is not None
-    assert len(detector.search(frame.image).label) > 4
+    assert len(detector.search(frame.image).hue) > 4
     _, centres = find(frame, detector, source.true, source.layout)
     assert centres == pytest.approx(frame.truth.centres_px, abs=0.3)
 
@@ -119,8 +119,8 @@ def test_distractors_alone_are_no_robot() -> None:
     source.lay_out((Distractor(), Distractor(colour_of="trailer_rear", position_m=(0.0, 0.0))))
     away = source.posture.positions(np.array([9.0, 0.0, 0.0, 0.0]))
     candidates = detector_for(source, source.true).search(source.take(away, STILL, 0.0).image)
-    points = source.true.to_plane(candidates.centre_px, source.layout.height_m[candidates.label])
-    assert len(candidates.label) == 2
+    points = source.true.to_plane(candidates.centre_px, source.layout.height_m[candidates.hue])
+    assert len(candidates.hue) == 2
     assert constellation.choose(candidates, points, source.layout) is None
 
 
@@ -165,7 +165,7 @@ def test_discs_are_found_at_their_centres(shift: tuple[float, float]) -> None:
     # an edge sampled eight by eight, of which the faintest tenth is cut off
     assert found == pytest.approx(centres, abs=0.02)
     anywhere = detector.search(image)
-    assert anywhere.label.tolist() == [0, 1, 2, 3]
+    assert anywhere.hue.tolist() == [0, 1, 2, 3]
     assert anywhere.centre_px == pytest.approx(centres, abs=0.02)
 
 

@@ -19,18 +19,17 @@ from ttwmr_mj.vision.tracking.commands import MEMORY_S, CommandHistory
 from ttwmr_mj.vision.tracking.kalman import update
 from ttwmr_mj.vision.tracking.motion import (
     ACCELERATION_TIME_S,
-    FASTEST_1_S,
-    POSE_WALK,
-    SIZE,
-    STICTION_RATE_RAD_S,
+    ANGLE_WALK,
+    POSITION_WALK,
     Gaussian,
     MotionModel,
     exponential,
 )
 from ttwmr_mj.vision.tracking.options import TrackerOptions
-from ttwmr_mj.vision.tracking.pose import label_jacobian, solve_pose
+from ttwmr_mj.vision.tracking.pose import solve_pose
+from ttwmr_mj.vision.tracking.swing import FASTEST_1_S, STICTION_RATE_RAD_S
 
-PERIOD_S = 0.033
+PERIOD_S, SIZE = 0.033, 7
 NOISE_M2 = 1e-6
 EVERY = np.ones(4, dtype=np.bool_)
 NO_GATE = 1e9
@@ -71,7 +70,7 @@ def test_the_update_is_bayes_rule_for_normal_distributions() -> None:
     after, used = update(before, points, EVERY, labels, NOISE_M2, NO_GATE)
     assert used.all()
     slope = np.zeros((8, SIZE))
-    slope[:, :4] = label_jacobian(MEAN[:4], labels)
+    slope[:, :4] = labels.jacobian(MEAN[:4])
     information = np.linalg.inv(before.covariance) + slope.T @ slope / NOISE_M2
     off = (points - labels.centres_m(MEAN[:4])[:, :2]).ravel()
     assert after.covariance == pytest.approx(np.linalg.inv(information), rel=1e-6, abs=1e-16)
@@ -83,7 +82,7 @@ def test_the_update_is_bayes_rule_for_normal_distributions() -> None:
 @pytest.mark.parametrize("label", range(4))
 def test_the_gate_is_a_labels_mahalanobis_distance(label: int) -> None:
     before, labels = prior(), layout()
-    slope = label_jacobian(MEAN[:4], labels)[2 * label : 2 * label + 2]
+    slope = labels.jacobian(MEAN[:4])[2 * label : 2 * label + 2]
     spread = slope @ before.covariance[:4, :4] @ slope.T + NOISE_M2 * np.eye(2)
     off = np.array([2e-3, 3e-3])
     distance2 = off @ np.linalg.inv(spread) @ off
@@ -233,7 +232,12 @@ def test_what_the_model_lacks_is_added_in_proportion_to_time() -> None:
     motion, history = MotionModel(ROBOT, options), CommandHistory(ROBOT)
     still = Gaussian(0.0, np.zeros(SIZE), np.zeros((SIZE, SIZE)))
     added = motion.predict(still, 0.01, history.ramps(0.0, 0.01)).covariance
-    rates = [*POSE_WALK**2, 2.0 * 0.2**2 / 0.5, 2.0 * 2.0**2 / 0.5, 0.7**2 * ACCELERATION_TIME_S]
+    rates = [
+        *np.square([*POSITION_WALK, ANGLE_WALK, ANGLE_WALK]),
+        2.0 * 0.2**2 / 0.5,
+        2.0 * 2.0**2 / 0.5,
+        0.7**2 * ACCELERATION_TIME_S,
+    ]
     assert added == pytest.approx(0.01 * np.diag(rates), abs=1e-15)
     assert motion.deviation.tolist() == [0.2, 2.0]
 

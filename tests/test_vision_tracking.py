@@ -20,7 +20,6 @@ from ttwmr_mj.vision.tracking import tracker
 from ttwmr_mj.vision.tracking.estimate import Status
 from ttwmr_mj.vision.tracking.kalman import update
 from ttwmr_mj.vision.tracking.motion import Gaussian
-from ttwmr_mj.vision.tracking.pose import label_jacobian
 
 PERIOD_S = 0.033
 PERIODS = 150
@@ -96,7 +95,7 @@ def test_innovations_are_as_large_as_the_filter_believes(monkeypatch: pytest.Mon
     ) -> tuple[Gaussian, BoolArray]:
         posterior, used = update(prior, points_m, found, layout, noise_m2, gate_chi2)
         rows = np.repeat(used, 2)
-        slope = label_jacobian(prior.mean[:4], layout)[rows]
+        slope = layout.jacobian(prior.mean[:4])[rows]
         off = (points_m - layout.centres_m(prior.mean[:4])[:, :2]).ravel()[rows]
         spread = slope @ prior.covariance[:4, :4] @ slope.T + noise_m2 * np.eye(rows.sum())
         nis.append((off @ np.linalg.solve(spread, off), len(off)))

@@ -19,12 +19,15 @@ class Config(BaseModel):
     Attributes:
         same_in_batch: fields whose numbers must be equal in all simulations of a batch, such as
             the steps of time; others may differ where all or none are zero.
+        free_in_batch: fields that may differ whatever they are: each simulation's model is built
+            with its own, and nothing else reads them.
     """
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", strict=True, allow_inf_nan=False, validate_default=True
     )
     same_in_batch: ClassVar[frozenset[str]] = frozenset()
+    free_in_batch: ClassVar[frozenset[str]] = frozenset()
 
     @classmethod
     def summary(cls) -> str:
@@ -128,8 +131,8 @@ def batch_shape(value: Any) -> Any:
     """
     if isinstance(value, Config):
         fixed = type(value).same_in_batch
-        names = type(value).model_fields
-        parts = ((n, getattr(value, n)) for n in names)
+        names = type(value).model_fields.keys() - type(value).free_in_batch
+        parts = ((n, getattr(value, n)) for n in sorted(names))
         return type(value), tuple(v if n in fixed else batch_shape(v) for n, v in parts)
     if isinstance(value, float):
         return math.copysign(0.0, value) if value == 0.0 else float

@@ -152,6 +152,11 @@ class Hitch(Config):
         le=0.1,
         description="radial clearance of the pin in its hole (contact plant only); typically 2e-4",
     )
+    gimballed: bool = Field(
+        default=False,
+        description="the trailer may also pitch and roll on it (contact plant only), so that "
+        "wheels and balls all touch uneven ground",
+    )
     coulomb_friction_n_m: float = Field(
         default=0.0,
         ge=0,
@@ -259,6 +264,54 @@ class Casters(Config):
     )
 
 
+MOST_TRAILERS = 5  # a longer train has no room on its circles, and nothing is measured of it
+OUTDOOR_SCALE = 0.060 / 0.026  # λ, of the wheels
+
+
+def _outdoor() -> dict[str, Any]:
+    """Table I's robot by similarity at equal gravity, but for its balls, which are larger still.
+
+    Lengths grow with λ, masses with λ³, inertias with λ⁵, times with √λ (Froude), torques with λ⁴.
+    """
+    scale, tractor, trailer, casters = OUTDOOR_SCALE, Tractor(), Trailer(), Casters()
+    servo = Servo.model_validate({"preset": "fast"})
+    length, mass, inertia, time = scale, scale**3, scale**5, scale**0.5
+    return {
+        "looks_scale": scale,
+        "tractor": {
+            "mass_kg": mass * tractor.mass_kg,
+            "yaw_inertia_kg_m2": inertia * tractor.yaw_inertia_kg_m2,
+            "com_offset_m": length * tractor.com_offset_m,
+            "wheel_radius_m": length * tractor.wheel_radius_m,
+            "track_width_m": length * tractor.track_width_m,
+            "wheel_mass_kg": mass * tractor.wheel_mass_kg,
+            "wheel_half_width_m": length * tractor.wheel_half_width_m,
+        },
+        "trailers": [
+            {
+                "mass_kg": mass * trailer.mass_kg,
+                "yaw_inertia_kg_m2": inertia * trailer.yaw_inertia_kg_m2,
+                "com_offset_m": length * trailer.com_offset_m,
+            }
+        ],
+        "hitches": [{"gimballed": True}],
+        "casters": {
+            "radius_m": 0.040,
+            "mass_kg": mass * casters.mass_kg,
+            "tractor_position_m": length * casters.tractor_position_m,
+            "trailer_half_spacing_m": length * casters.trailer_half_spacing_m,
+        },
+        "servo": {
+            "preset": "fast",
+            "stall_torque_n_m": scale**4 * servo.stall_torque_n_m,
+            "speed_limit_rad_s": servo.speed_limit_rad_s / time,
+            "acceleration_limit_rad_s2": servo.acceleration_limit_rad_s2 / scale,
+            "velocity_gain_n_m_s_rad": scale**4 * time * servo.velocity_gain_n_m_s_rad,
+            "reflected_inertia_kg_m2": inertia * servo.reflected_inertia_kg_m2,
+        },
+    }
+
+
 class RobotParameters(Config):
     """All numbers of the robot, SI units (Table I and stated assumptions).
 
@@ -268,11 +321,24 @@ class RobotParameters(Config):
 
     FIRST: ClassVar[dict[str, str]] = {"trailer": "trailers", "hitch": "hitches"}
 
+    preset: Literal["table", "outdoor"] = Field(
+        default="table",
+        description="where values that are not given come from: Table I, or Table I scaled to "
+        "wheels of 60 mm with balls of 40 mm (radii), with one trailer",
+    )
+    looks_scale: float = Field(
+        default=1.0,
+        gt=0,
+        le=100,
+        description="size of decks, posts and labels relative to Table I's robot; default: the "
+        "preset's",
+    )
     tractor: Tractor = Tractor()
     trailers: Annotated[tuple[Trailer, ...], Field(strict=False)] = Field(
         default=(Trailer(),),
         min_length=1,
-        description="the trailers, front to back; [robot.trailer] is the first",
+        max_length=MOST_TRAILERS,
+        description="the trailers, at most five, front to back; [robot.trailer] is the first",
     )
     hitches: Annotated[tuple[Hitch, ...], Field(strict=False)] = Field(
         default=(Hitch(),),
@@ -286,6 +352,8 @@ class RobotParameters(Config):
         def __init__(
             self,
             *,
+            preset: Literal["table", "outdoor"] = ...,
+            looks_scale: float = ...,
             tractor: Tractor = ...,
             trailer: Trailer = ...,
             hitch: Hitch = ...,
@@ -346,7 +414,10 @@ class RobotParameters(Config):
     @model_validator(mode="before")
     @classmethod
     def _fold_first(cls, given: Any) -> Any:
-        return _as_lists(given) if isinstance(given, dict) else given
+        if not isinstance(given, dict):
+            return given
+        lists = _as_lists(given)
+        return merged(_outdoor(), lists) if lists.get("preset") == "outdoor" else lists
 
     @model_validator(mode="after")
     def _hangs_together(self) -> Self:

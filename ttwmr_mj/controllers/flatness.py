@@ -100,7 +100,7 @@ class Flatness(PlanningLaw["FlatnessOptions"]):
             flat, self._least, float(self._sign[0]), mean_rate, self._robot, self._period, nsim
         )
         self._recovery: Recovery | None = None
-        if options.recovery == "mpc":
+        if options.recovery != "own":
             robot, friction = self._robot, self._friction
             self._recovery = Recovery(robot, friction, self._period, nsim, self._learns)
             self._plan(path)
@@ -267,7 +267,7 @@ class FlatnessOptions(SteeringOptions):
         description="share of the reference's |F''| below which the law does not let |F''| "
         "fall, as θ2 is undefined where F'' = 0; typically 0.3",
     )
-    recovery: RecoveryKind = "mpc"
+    recovery: RecoveryKind = "auto"
 
     def path_faults(self, reference: Reference, path: ReferencePath) -> list[Fault]:
         """The law needs the centre of oscillation, accelerating."""

@@ -54,7 +54,7 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         self._smooth = TrackingProblem(robot, smooth, weights, learns=learns)
         self._free = TrackingProblem(robot, free, weights, learns=learns)
         self._recovery: Recovery | None = None
-        if self._options.recovery == "mpc":
+        if self._options.recovery != "own":
             self._recovery = Recovery(robot, self._friction, self._period, self._nsim, learns)
         self._plan(task.path_ahead)
 
@@ -96,4 +96,4 @@ class TvlqrOptions(TrackingOptions):
     law: ClassVar[type[Law[Any]]] = Tvlqr
     tows_trains: ClassVar[bool] = True
     kind: Literal["tvlqr"] = "tvlqr"
-    recovery: RecoveryKind = "mpc"
+    recovery: RecoveryKind = "auto"

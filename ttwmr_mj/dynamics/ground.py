@@ -1,4 +1,4 @@
-"""The floor: a plane, level or sloping.
+"""The floor: a plane, level or sloping, and what lies on it.
 
 World coordinates lie in the floor, so on a slope it is gravity that leans: g·cos(slope) presses on
 the floor and g·sin(slope) pulls along it, downhill.
@@ -12,6 +12,7 @@ from pydantic import Field
 
 from ttwmr_mj.dynamics.kinematics import to_body
 from ttwmr_mj.dynamics.regions import Region
+from ttwmr_mj.dynamics.terrain import Kerb, Terrain
 from ttwmr_mj.robot import Config
 from ttwmr_mj.state import FloatArray
 
@@ -39,6 +40,12 @@ class Ground(Config):
         default=(),
         description="parts with a friction of their own (contact plant only), the last on top; "
         "elsewhere it is plant.contact.floor_friction",
+    )
+    terrain: Terrain | None = Field(
+        default=None, description="rolling terrain (contact plant only); left out: a plane"
+    )
+    kerbs: Annotated[tuple[Kerb, ...], Field(strict=False)] = Field(
+        default=(), description="plates on the floor (contact plant only)"
     )
 
     @property

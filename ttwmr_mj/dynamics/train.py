@@ -16,6 +16,7 @@ Everywhere, angles (..., n) are θ2, θ3, …, front to back. Any frame will do 
 P'' are of the same; rates are those of the world. SI units.
 """
 
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -155,22 +156,38 @@ def solve(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
 
 
+class _Constants(NamedTuple):
+    """What a robot gives the equations; made once."""
+
+    moment_kg_m: FloatArray  # (n,) b
+    lean_rad: FloatArray  # (n,) β
+    size_kg_m2: FloatArray  # (n, n) A
+    turned_rad: FloatArray  # (n, n) what leans add to Δ
+
+
+@lru_cache(maxsize=256)
+def _constants(robot: RobotParameters) -> _Constants:
+    chain = links(robot)
+    size = np.diag([link.inertia_kg_m2 for link in chain])
+    turned = np.zeros_like(size)
+    for j, link in enumerate(chain):
+        for i in range(j):
+            size[i, j] = size[j, i] = chain[i].reach_m * link.moment_kg_m
+            turned[i, j], turned[j, i] = link.lean_rad, -link.lean_rad
+    moment = np.array([link.moment_kg_m for link in chain])
+    return _Constants(moment, np.array([link.lean_rad for link in chain]), size, turned)
+
+
 def _moments(robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
     """First moments b and leans β, (n,) each."""
-    chain = links(robot)
-    return np.array([link.moment_kg_m for link in chain]), np.array([x.lean_rad for x in chain])
+    return _constants(robot)[:2]
 
 
 def _couplings(theta: FloatArray, robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
     """A_ij (n, n) and Δ_ij (..., n, n)."""
-    chain = links(robot)
-    size = np.diag([link.inertia_kg_m2 for link in chain])
-    lean = np.zeros_like(size)
-    for j, link in enumerate(chain):
-        for i in range(j):
-            size[i, j] = size[j, i] = chain[i].reach_m * link.moment_kg_m
-            lean[i, j], lean[j, i] = link.lean_rad, -link.lean_rad
-    return size, theta[..., :, None] - theta[..., None, :] + lean
+    constants = _constants(robot)
+    apart = theta[..., :, None] - theta[..., None, :]
+    return constants.size_kg_m2, apart + constants.turned_rad
 
 
 def _sum(terms: FloatArray) -> FloatArray:

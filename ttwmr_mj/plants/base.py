@@ -7,6 +7,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.servo import Stretches, cut, ramp
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.robot import Servo
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
@@ -49,6 +50,9 @@ class Plant(Protocol):
     def contact_readings(self) -> FloatArray:
         """(nsim, ncontact, 15) contact sensors; ncontact = 0 where there are no contacts."""
 
+    def footing(self) -> Footing | None:
+        """How the robots stand; None where there is nothing to stand on."""
+
     def failed(self) -> BoolArray:
         """(nsim,) simulations whose physics broke."""
 
@@ -75,6 +79,9 @@ class EquationPlant(Plant):
     def contact_readings(self) -> FloatArray:
         """(nsim, 0, 15): the model has no contacts."""
         return np.empty((self.nsim, 0, 15))
+
+    def footing(self) -> None:
+        """None: the model has no third dimension."""
 
     def fault(self, index: int) -> str:
         """What broke in one failed simulation: there is one way to break."""

@@ -18,12 +18,18 @@ from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
+from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
+LET_DOWN_S = 1.0  # on uneven ground: a fall of a few mm, and what rattles after it
+_RINGS = np.linspace(0.0, 1.0, 11)[:, None, None]
+_AROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+AROUND: FloatArray = (_RINGS * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)).reshape(-1, 2)
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
 # How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
 # order of summation leaves; a mirrored robot must stand in exactly the same way.
@@ -107,6 +113,9 @@ class ContactPlant(Plant):
         self._contact_columns = _contact_columns(self.model, touching)
         self._theta1: FloatArray = np.zeros(nsim)
         self._first_theta1 = self._theta1
+        reliefs = {id(model): Relief(model) for model in self.models}
+        self._reliefs = [reliefs[id(model)] for model in self.models]
+        self._reach_m = max(map(_reach_m, rows_of(robot, nsim)))
         self._setpoint: FloatArray = np.zeros((nsim, 2))
         self._time: FloatArray = np.zeros(0)
         self._record: tuple[str, ...] = ()
@@ -141,10 +150,13 @@ class ContactPlant(Plant):
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
+        standing = self._settled_qpos
+        if not all(relief.flat for relief in self._reliefs):
+            standing = self._settled_on_relief(initial)
         # servos at the wheel speeds that roll without slip
         twist = workspace_rate(initial.q, initial.q_rate)[:, :2]
         self._setpoint = wheels_from_twist(twist, self._robot)
-        self._qpos[:] = self._joints.standing(self._settled_qpos, initial.q)
+        self._qpos[:] = self._joints.standing(standing, initial.q)
         self._qvel[:] = self._joints.moving(initial.q_rate, self._setpoint, self.model.nv)
         self._theta1 = self._first_theta1 = np.array(initial.q[:, THETA1])
         if self._firmware:
@@ -158,6 +170,38 @@ class ContactPlant(Plant):
         if self._regions:
             self._feel_floor()
         self._roll_balls()
+
+    def _settled_on_relief(self, initial: RobotState) -> FloatArray:
+        """(nsim, nq) patterns of yaw 0 of robots that were let down on uneven ground at q."""
+        qpos = self._joints.standing(self._settled_qpos, initial.q)
+        free = self._joints.free_qpos
+        for i, relief in enumerate(self._reliefs):
+            around = initial.q[i, :2] + self._reach_m * AROUND
+            qpos[i, free + HEIGHT] += relief.at(around).max()
+        self._qpos[:], self._qvel[:] = qpos, 0.0
+        self._batch.rollout(round(LET_DOWN_S / self.time_step_s), np.zeros((self.nsim, 1, 2)))
+        pattern = np.array(self._qpos)
+        self._batch.reset()
+        return self._joints.turned_back(pattern)
+
+    def footing(self) -> Footing:
+        """How the robots stand on the ground."""
+        free = self._joints.free_qpos
+        up = 1.0 - 2.0 * (self._qpos[:, free + X] ** 2 + self._qpos[:, free + Y] ** 2)
+        under = [
+            0.0 if relief.flat else float(relief.at(self._qpos[i, free : free + 2]))
+            for i, relief in enumerate(self._reliefs)
+        ]
+        rise = self._qpos[:, free + HEIGHT] - self._settled_qpos[:, free + HEIGHT]
+        wheels = self._sensordata[:, self._contact_columns[: len(WHEELS)]]
+        touching = wheels[..., 0] > 0.0
+        slip = np.hypot(wheels[..., 13], wheels[..., 14])
+        return Footing(
+            tilt_rad=np.arccos(np.clip(up, -1.0, 1.0)),
+            height_m=rise - np.array(under),
+            wheels_on_floor=touching.sum(axis=1).astype(np.float64),
+            wheel_slip_m_s=np.where(touching, slip, 0.0).max(axis=1),
+        )
 
     def _roll_balls(self) -> None:
         """Spin the casters' balls so that they roll: their points of contact are at rest."""
@@ -290,6 +334,13 @@ def _compiled(
         robot: build_model(*robot, torque_input=torque_input) for robot in dict.fromkeys(robots)
     }
     return [models[robot] for robot in robots]
+
+
+def _reach_m(robot: RobotParameters) -> float:
+    """No part of a robot is further from P than that."""
+    towed = sum(trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers)
+    last = robot.trailers[-1].com_offset_m + robot.casters.trailer_half_spacing_m
+    return max(robot.casters.tractor_position_m, towed + last) + robot.casters.radius_m
 
 
 def _contact_columns(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:

@@ -68,6 +68,16 @@ class Joints:
         qpos[:, self._hitch_qpos] = np.diff(q[:, THETA1:], axis=-1)
         return qpos
 
+    def turned_back(self, qpos: FloatArray) -> FloatArray:
+        """Patterns of yaw 0 (nsim, nq), for `standing`, of robots as they stand."""
+        pattern, free = np.array(qpos), self.free_qpos
+        w, x, y, z = qpos[:, free + W : free + Z + 1].T
+        half = np.arctan2(z, w)
+        cos, sin = np.cos(half), np.sin(half)
+        turned = [cos * w + sin * z, cos * x + sin * y, cos * y - sin * x, cos * z - sin * w]
+        pattern[:, free + W : free + Z + 1] = np.stack(turned, axis=-1)
+        return pattern
+
     def moving(self, q_rate: FloatArray, wheels: FloatArray, nv: int) -> FloatArray:
         """The qvel (nsim, nv) of rates (nsim, 3 + n) and wheel speeds (nsim, 2); balls stand."""
         qvel = np.zeros((len(q_rate), nv))

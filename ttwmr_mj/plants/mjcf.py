@@ -11,6 +11,7 @@ from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.names import CASTERS, WHEELS, casters, contacts, trailer_part
+from ttwmr_mj.plants.relief import add_relief
 from ttwmr_mj.plants.runners import add_runner
 from ttwmr_mj.plants.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
@@ -19,6 +20,8 @@ from ttwmr_mj.state import LEFT, RIGHT
 # A flat chassis: its roll and pitch inertia as a share of its yaw inertia. A planar robot feels
 # neither; more than half satisfies the triangle inequality.
 ROLL_SHARE = 0.55
+GIMBAL_DAMPING = 2.0  # 1/s, of the swing inertia: a rattle in pitch and roll dies away in 0.5 s
+VISUAL_GROUP = 2
 
 
 def build_spec(
@@ -54,6 +57,9 @@ def build_spec(
         _set_drives(spec, Drive.of(robot.servo, torque_input=torque_input))
         _set_contact(spec, robot, options, ground)
         _hold_back(spec, robot, options, ground)
+        add_relief(spec, ground)
+        _scale_looks(spec, robot)
+        _gimbal(spec, robot)
         if robot.hitch.play_m > 0:
             _loosen_pin(spec, robot.hitch.play_m, options.contact_time_constant_s)
     except AttributeError as error:
@@ -79,8 +85,9 @@ def build_model(
         model = spec.compile()
     except ValueError as error:
         raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
-    if robot.hitch.play_m > 0 or len(robot.trailers) > 1:
-        model.key_qpos[:] = model.qpos0  # keyframes know nothing of more trailers or a loose pin
+    gimballed = any(hitch.gimballed for hitch in robot.hitches)
+    if robot.hitch.play_m > 0 or len(robot.trailers) > 1 or gimballed:
+        model.key_qpos[:] = model.qpos0  # keyframes know nothing of more joints
     return model
 
 
@@ -194,6 +201,34 @@ def _hold_back(
     for name, force in zip(casters(len(robot.trailers)), forces, strict=True):
         if force > 0:
             add_runner(spec, name, float(force), options.contact_time_constant_s)
+
+
+def _gimbal(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+    """Let trailers pitch and roll on their hitches, after they have turned."""
+    for i, hitch in enumerate(robot.hitches):
+        if hitch.gimballed:
+            for name, axis in (("pitch", [0.0, 1.0, 0.0]), ("roll", [1.0, 0.0, 0.0])):
+                spec.body(trailer_part("trailer", i)).add_joint(
+                    name=trailer_part(f"hitch_{name}", i),
+                    type=mujoco.mjtJoint.mjJNT_HINGE,
+                    axis=axis,
+                    damping=[GIMBAL_DAMPING * robot.trailers[i].swing_inertia_kg_m2, 0.0, 0.0],
+                )
+
+
+def _scale_looks(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
+    """Draw a larger robot larger; wheels and balls have their own sizes."""
+    if (scale := robot.looks_scale) == 1.0:
+        return
+    bodies = ["tractor", *(trailer_part("trailer", i) for i in range(len(robot.trailers)))]
+    for name in (*bodies, *WHEELS):
+        for geom in spec.body(name).geoms:
+            seen = geom.group == VISUAL_GROUP and not geom.name.startswith("tyre")
+            if seen or geom.name.endswith("_hull"):
+                geom.size, geom.pos = scale * geom.size, scale * geom.pos
+        for site in spec.body(name).sites:
+            if site.name.rpartition("/")[2].startswith("label_"):
+                site.pos = scale * site.pos
 
 
 def _loosen_pin(spec: mujoco.MjSpec, play_m: float, time_constant_s: float) -> None:

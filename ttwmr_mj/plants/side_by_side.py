@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 Who = NDArray[np.intp]  # simulations, by their place in the batch
@@ -57,6 +58,14 @@ class SideBySide(Plant):
     def contact_readings(self) -> FloatArray:
         """See `Plant`."""
         return self._joined([plant.contact_readings() for plant, _ in self._parts])
+
+    def footing(self) -> Footing | None:
+        """See `Plant`."""
+        parts = [plant.footing() for plant, _ in self._parts]
+        standing = [part for part in parts if part is not None]
+        if len(standing) < len(parts):
+            return None
+        return Footing(*map(self._joined, map(list, zip(*standing, strict=True))))
 
     def failed(self) -> BoolArray:
         """See `Plant`."""

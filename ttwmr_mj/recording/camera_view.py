@@ -35,6 +35,10 @@ STATUS_LOOKS = {
 OVERLAY_LOOKS: dict[str, tuple[Any, dict[str, Any]]] = {
     "true": (rr.Points2D, {"colors": [style.TRUE_LABEL], "radii": [2.0]}),
     "found": (rr.Points2D, {"colors": [style.FOUND_LABEL], "radii": [3.5]}),
+    "hidden": (
+        rr.Points2D,
+        {"colors": [style.ALERT], "radii": rr.Radius.ui_points([3.0]), "show_labels": True},
+    ),
     "search": (rr.Boxes2D, {"colors": [style.REFERENCE]}),
     "estimate": (rr.LineStrips2D, {"colors": [style.ESTIMATE], "radii": [1.2]}),
     "covariance": (rr.LineStrips2D, {"colors": [style.COVARIANCE], "radii": [0.8]}),
@@ -61,6 +65,7 @@ class CameraView:
         self._stream = stream
         self._camera = camera
         self._layout = layout
+        self._names = [name.replace("_", " ") for name in layout.names]
         self._show_every = show_every
         self._arrived = 0  # frames so far
         self._status = StateLog(stream, "tracker", STATUS_LOOKS)
@@ -74,6 +79,7 @@ class CameraView:
         self._frames([(r.time_s, r.frame) for r in records if r.frame is not None])
         self._sightings([(r.time_s, r.sighting) for r in records if r.sighting is not None])
         known = [r for r in records if np.isfinite(r.estimate.q).all()]
+        self._hidden([r for r in known if r.sighting is not None])
         self._lines("estimate", known, self._skeleton)
         self._lines("covariance", known, self._ellipse)
         times_s = np.array([r.time_s for r in records])
@@ -104,6 +110,22 @@ class CameraView:
             )
             self._send("search", times_s, columns.partition(counts))
 
+    def _hidden(self, records: Sequence[CameraRecord]) -> None:
+        """By name, the labels that were not found, where the tracker takes them to be."""
+        if not records:
+            return
+        places: list[FloatArray] = []
+        names: list[str] = []
+        for record in records:
+            assert record.sighting is not None
+            missing = ~np.isfinite(record.sighting.found_px[:, 0])
+            centres = self._camera.project(self._layout.centres_m(record.estimate.q))
+            places.append(centres[missing])
+            names += [self._names[label] for label in np.flatnonzero(missing)]
+        columns = rr.Points2D.columns(positions=np.concatenate(places), labels=names)
+        times_s = [record.time_s for record in records]
+        self._send("hidden", times_s, columns.partition([len(part) for part in places]))
+
     def _points(self, name: str, times_s: list[float], points: Sequence[FloatArray]) -> None:
         if points:
             columns = rr.Points2D.columns(positions=np.concatenate(points))
@@ -121,11 +143,13 @@ class CameraView:
             self._stream.send_columns(path, [time_column(np.array(times_s))], columns)
 
     def _skeleton(self, record: CameraRecord) -> FloatArray:
-        """(5, 2) px: front of the tractor, its rear, P, front of the trailer, its rear."""
+        """(2 + 3n, 2) px: labels of the tractor, then P and those of its trailer, and so on."""
         labels = self._layout.centres_m(record.estimate.q)
-        hitch = np.append(record.estimate.q[:2], labels[:, 2].mean())
-        line = np.stack([labels[0], labels[1], hitch, labels[2], labels[3]])
-        return self._camera.project(line)
+        pins = self._layout.hitches_m(record.estimate.q)
+        line = [*labels[:2]]
+        for i, pin in enumerate(pins, start=1):
+            line += [np.append(pin, labels[:, 2].mean()), *labels[2 * i : 2 * i + 2]]
+        return self._camera.project(np.stack(line))
 
     def _ellipse(self, record: CameraRecord) -> FloatArray:
         """(33, 2) px: 3 σ of P, drawn ELLIPSE_SCALE times its size."""
@@ -137,5 +161,5 @@ class CameraView:
 
 
 def _finite(points: FloatArray) -> FloatArray:
-    """The rows (m, 2) of points (4, 2) that are defined."""
+    """The rows (m, 2) of points (labels, 2) that are defined."""
     return points[np.isfinite(points).all(axis=1)]

@@ -8,8 +8,15 @@ import rerun as rr
 
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.plants.outline import VISUAL_GROUP
+from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.floor import TRACTOR_HEIGHT_M, TRAILER_HEIGHT_M, floor_shapes, lift
+from ttwmr_mj.recording.floor import (
+    TRACTOR_HEIGHT_M,
+    TRAILER_HEIGHT_M,
+    floor_shapes,
+    lift,
+    relief_shapes,
+)
 from ttwmr_mj.recording.poses import BodyPoses
 from ttwmr_mj.recording.series import time_column
 from ttwmr_mj.recording.target import Target
@@ -53,7 +60,7 @@ class Scene:
     ) -> None:
         self._stream = stream
         self._root = root
-        self._poses = BodyPoses(model)
+        self._poses, self._relief = BodyPoses(model), Relief(model)
         self._bodies = [_body_path(root, model, i) for i in range(1, model.nbody)]
         self._last_points: dict[str, FloatArray] = {}
         if root == WORLD:
@@ -61,12 +68,13 @@ class Scene:
         self._draw_robot(model)
         self._draw("tractor/P", rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]))
         if floor_m is not None:
-            plate, grid = floor_shapes(floor_m)
+            flat = self._relief.flat
+            plate, grid = floor_shapes(floor_m) if flat else relief_shapes(self._relief, floor_m)
             self._draw("floor", plate)
             self._draw("floor/grid", grid)
         self._target: Target | None = None
         if reference is not None:
-            self._target = Target(stream, model, robot, reference, root)
+            self._target = Target(stream, model, robot, reference, root, self._relief)
         for path, colour in zip(driven_paths(root), (style.TRACTOR, style.TRAILER), strict=True):
             line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
             stream.log(path, line, static=True)
@@ -95,8 +103,9 @@ class Scene:
             )
             self._stream.send_columns(body, [now], columns)
         tractor, trailer = driven_paths(self._root)
-        self._append_path(tractor, now, lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M))
-        self._append_path(trailer, now, lift(curves.trailer_com_m[:, 0], TRAILER_HEIGHT_M))
+        self._append_path(tractor, now, lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M, self._relief))
+        com = curves.trailer_com_m[:, 0]
+        self._append_path(trailer, now, lift(com, TRAILER_HEIGHT_M, self._relief))
         if self._target is not None:
             self._target.append(rows, curves)
         if rows.contact_readings.shape[2]:

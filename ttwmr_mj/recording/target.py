@@ -6,6 +6,7 @@ import rerun as rr
 from numpy.typing import NDArray
 
 from ttwmr_mj.plants.outline import chassis, outline
+from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.floor import BAND_HEIGHT_M, BORDER_HEIGHT_M, PLACE_HEIGHT_M, lift
 from ttwmr_mj.recording.poses import BodyPoses
@@ -35,6 +36,7 @@ class Target:
         robot: the numbers of that robot.
         reference: the whole reference.
         root: the entity everything is put under.
+        relief: the ground it lies on; None: a plane.
     """
 
     def __init__(
@@ -44,8 +46,9 @@ class Target:
         robot: RobotParameters,
         reference: ReferencePath,
         root: str,
+        relief: Relief | None = None,
     ) -> None:
-        self._stream = stream
+        self._stream, self._relief = stream, relief
         self._root = root
         self._poses = BodyPoses(model)
         self._chassis = chassis(model)
@@ -76,7 +79,9 @@ class Target:
     def _draw_band(self, name: str, pieces: list[FloatArray], width_m: float) -> None:
         bands = [band for piece in pieces if (band := spaced(piece, BAND_STEP_M)).shape[0] > 1]
         if bands:
-            self._draw(name, ribbon(bands, width_m, BAND_HEIGHT_M, style.REFERENCE_BAND))
+            self._draw(
+                name, ribbon(bands, width_m, BAND_HEIGHT_M, style.REFERENCE_BAND, self._relief)
+            )
 
     def _draw_place(self, name: str, corners_m: FloatArray) -> None:
         line = np.vstack([corners_m, corners_m[:2]])  # two more, so that the last corner is whole
@@ -91,7 +96,7 @@ class Target:
         told = known & ((np.arange(len(rows)) + self._rows) % TEXT_EVERY == 0)
         self._rows += len(rows)
         if known.any():
-            columns = rr.Transform3D.columns(translation=lift(ref_q[known, :2], 0.0))
+            columns = rr.Transform3D.columns(translation=lift(ref_q[known, :2], 0.0, self._relief))
             self._send(f"{self._root}/reference/marker", rows.time_s[known], columns)
             self._move_places(rows.time_s, ref_q)
             self._point(rows, curves, known)
@@ -109,7 +114,7 @@ class Target:
             said = np.isfinite(ref_q[known, 2 : 3 + i]).all(axis=1)
             if said.any():
                 columns = rr.Transform3D.columns(
-                    translation=position[said, body] * [1.0, 1.0, 0.0],
+                    translation=lift(position[said, body, :2], 0.0, self._relief),
                     quaternion=np.roll(quaternion[said, body], -1, axis=-1),
                 )
                 path = f"{self._root}/reference/place_{name}"
@@ -121,7 +126,8 @@ class Target:
         now = np.stack([rows.q[:, 0, :2], curves.trailer_com_m[:, 0]], axis=1)[known]
         said = np.isfinite(wanted).all(axis=-1)
         columns = rr.Arrows3D.columns(
-            origins=lift(wanted[said], PIN_HEIGHT_M), vectors=lift((now - wanted)[said], 0.0)
+            origins=lift(wanted[said], PIN_HEIGHT_M, self._relief),
+            vectors=lift((now - wanted)[said], 0.0),
         ).partition(said.sum(axis=1))
         self._send(miss_paths(self._root)[0], rows.time_s[known], columns)
 
@@ -129,7 +135,7 @@ class Target:
         """How far off they are, over the robot."""
         errors = np.stack([curves.tractor_error_m[told, 0], curves.trailer_error_m[told, 0]], 1)
         columns = rr.Points3D.columns(
-            positions=lift(rows.q[told, 0, :2], TEXT_HEIGHT_M),
+            positions=lift(rows.q[told, 0, :2], TEXT_HEIGHT_M, self._relief),
             labels=[miss_text(*e) for e in errors],
         )
         self._send(miss_paths(self._root)[1], rows.time_s[told], columns)
@@ -176,7 +182,13 @@ def spaced(points_m: FloatArray, step_m: float) -> FloatArray:
     return points_m[first]
 
 
-def ribbon(lines_m: list[FloatArray], width_m: float, height_m: float, colour: Colour) -> rr.Mesh3D:
+def ribbon(
+    lines_m: list[FloatArray],
+    width_m: float,
+    height_m: float,
+    colour: Colour,
+    relief: Relief | None = None,
+) -> rr.Mesh3D:
     """Lines (n, 2), no two successive points equal, as flat bands over the floor."""
     corners, triangles, count = [], [], 0
     for line in lines_m:
@@ -191,7 +203,7 @@ def ribbon(lines_m: list[FloatArray], width_m: float, height_m: float, colour: C
             np.column_stack([right, right + 1, left + 1]),
         ]
         count += 2 * len(line)
-    return _flat(np.vstack(corners), np.vstack(triangles), height_m, colour)
+    return _flat(np.vstack(corners), np.vstack(triangles), height_m, colour, relief)
 
 
 def area(corners_m: FloatArray, height_m: float, colour: Colour) -> rr.Mesh3D:
@@ -202,10 +214,14 @@ def area(corners_m: FloatArray, height_m: float, colour: Colour) -> rr.Mesh3D:
 
 
 def _flat(
-    points_m: FloatArray, triangles: NDArray[np.int64], height_m: float, colour: Colour
+    points_m: FloatArray,
+    triangles: NDArray[np.int64],
+    height_m: float,
+    colour: Colour,
+    relief: Relief | None = None,
 ) -> rr.Mesh3D:
     return rr.Mesh3D(
-        vertex_positions=lift(points_m, height_m),
+        vertex_positions=lift(points_m, height_m, relief),
         triangle_indices=triangles,
         vertex_normals=np.tile([0.0, 0.0, 1.0], (len(points_m), 1)),
         albedo_factor=colour,

@@ -12,12 +12,15 @@ VerdictName = Literal[
     "lost",
     "reference_not_feasible",
     "blind",
+    "tipped_over",
+    "off_the_ground",
     "saturated_throughout",
     "no_reference",
     "diverged",
     "failed",
     "interrupted",
 ]
+SLIPPING_M_S = 0.03  # of a wheel over the ground; creep of tyres that roll is a tenth of that
 END_SHARE = 0.2  # of the time is "the end": a lap of the shipped 30 s circles
 GROWTH = 1.5  # times its start an error may first reach: the trailer swings as the tractor turns
 
@@ -67,6 +70,22 @@ class AcceptOptions(Config):
         le=0.8,
         description="share of the time in which the offset of the start is worked off; "
         "typically 0.5, as the steady_* metrics begin there",
+    )
+    tilt_rad: float = Field(
+        default=0.3,
+        gt=0,
+        le=1.6,
+        description="largest tilt of the tractor against the floor's plane; typically 0.3",
+    )
+    height_m: float = Field(
+        default=0.02, gt=0, description="largest height of P above where it stands; typically 0.02"
+    )
+    airborne_share: float = Field(
+        default=0.3,
+        ge=0,
+        le=1,
+        description="largest share of samples at which a wheel does not touch the ground; "
+        "typically 0.3",
     )
     blind_share: float = Field(
         default=0.2,

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.results.accept import SLIPPING_M_S
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -41,7 +42,8 @@ def _final(values: FloatArray, _: FloatArray) -> float | None:
 
 
 def _share(values: FloatArray, _: FloatArray) -> float | None:
-    return float(values.mean())
+    defined = values[np.isfinite(values)]
+    return float(defined.mean()) if defined.size else None
 
 
 def _integral(values: FloatArray, time_s: FloatArray) -> float | None:
@@ -154,6 +156,14 @@ QUANTITIES = {
     "blind": Quantity(
         "at which the sensor's estimate was invalid", "the estimate was invalid", "1"
     ),
+    "tilt": Quantity("tilt of the tractor against the floor's plane", "tilt", "rad"),
+    "height": Quantity("height of P above where it stands", "z_P − z_P(standing)", "m"),
+    "airborne": Quantity("at which a wheel does not touch the ground", "wheels on floor < 2", "1"),
+    "slipping": Quantity(
+        f"at which a wheel slips faster than {SLIPPING_M_S:g} m/s",
+        f"slip > {SLIPPING_M_S:g} m/s",
+        "1",
+    ),
 }
 _TRACKING = {
     "tractor_rmse_m": Metric(_rms, "tractor"),
@@ -179,6 +189,10 @@ METRICS = {
     "estimator_theta1_rmse_rad": Metric(_rms, "seen_theta1"),
     "estimator_theta2_rmse_rad": Metric(_rms, "seen_theta2"),
     "blind_share": Metric(_share, "blind"),
+    "tilt_max_rad": Metric(_max, "tilt"),
+    "height_max_m": Metric(_max, "height"),
+    "airborne_share": Metric(_share, "airborne"),
+    "slipping_share": Metric(_share, "slipping"),
 }
 
 
@@ -200,6 +214,10 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
         "seen_theta1": wrap(seen[..., 2]),
         "seen_theta2": wrap(seen[..., 3]),
         "blind": ~rows.est_valid,
+        "tilt": rows.tilt_rad,
+        "height": rows.height_m,
+        "airborne": _where_known(rows.wheels_on_floor < 2, rows.wheels_on_floor),
+        "slipping": _where_known(rows.wheel_slip_m_s > SLIPPING_M_S, rows.wheel_slip_m_s),
     }
     return {name: values[:, 0] for name, values in batch.items()}
 
@@ -207,6 +225,10 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
 def _resting(rows: Trajectory) -> BoolArray:
     """(n, nsim) whether the reference stands still; a robot that does so too is in no trouble."""
     return np.asarray(np.hypot(*np.moveaxis(rows.ref_q_rate[..., :2], -1, 0)) < RESTING_M_S)
+
+
+def _where_known(condition: BoolArray, of: FloatArray) -> FloatArray:
+    return np.where(np.isfinite(of), condition, np.nan)
 
 
 def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:

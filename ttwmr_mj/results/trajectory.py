@@ -24,6 +24,8 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
     "saturated": False,
     "near_singular": False,
 }
+# arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
+FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
 
 
 def q_names(width: int) -> tuple[str, ...]:
@@ -53,7 +55,7 @@ def column_table(width: int) -> dict[str, tuple[str, ...]]:
         table[f"{prefix}q_rate"] = tuple(prefix + name for name in rate_names(width))
     table["wheel_command_rad_s"] = wheel_names("cmd_rad_s")
     table["wheel_speed_rad_s"] = wheel_names("rad_s")
-    return table | {name: (name,) for name in PER_SAMPLE}
+    return table | {name: (name,) for name in (*PER_SAMPLE, *FOOTING)}
 
 
 def column_names(width: int) -> tuple[str, ...]:
@@ -80,6 +82,7 @@ class Trajectory:
         labels_found: (n, nsim) labels the camera found; NaN without a camera.
         saturated: (n, nsim) the command had to be limited to the servo's range.
         near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
+        tilt_rad, height_m, wheels_on_floor, wheel_slip_m_s: (n, nsim) as of `plants.footing`.
         joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.
         contact_readings: (n, nsim, 5, 15) contact sensors, see `plants.contact.read_contacts`;
             no contacts (n, nsim, 0, 15) on the analytic plant.
@@ -100,6 +103,10 @@ class Trajectory:
     labels_found: FloatArray
     saturated: BoolArray
     near_singular: BoolArray
+    tilt_rad: FloatArray
+    height_m: FloatArray
+    wheels_on_floor: FloatArray
+    wheel_slip_m_s: FloatArray
     joint_positions: FloatArray
     contact_readings: FloatArray
     signals: dict[str, FloatArray] = field(default_factory=dict)
@@ -123,6 +130,7 @@ class Trajectory:
             for name, columns in column_table(3 + trailers).items()
         }
         blank |= {name: _blank(n, nsim, value=value) for name, value in PER_SAMPLE.items()}
+        blank |= {name: _blank(n, nsim) for name in FOOTING}
         return cls(
             time_s=time_s,
             **blank,
@@ -152,15 +160,18 @@ class Trajectory:
         angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
         known = column_names(width)
-        if missing := [name for name in known if name not in table.column_names]:
+        if missing := [n for n in known if n not in {*table.column_names, *FOOTING}]:
             raise InputError(f"not a trajectory: it lacks {', '.join(missing)}", file=str(path))
         columns = {name: table[name].to_numpy()[:, None] for name in table.column_names}
+        unknown = np.full((table.num_rows, 1), np.nan)
+        columns |= {name: unknown for name in FOOTING if name not in columns}
         rows: dict[str, Any] = {
             name: np.stack([columns[column] for column in names], axis=-1)
             for name, names in column_table(width).items()
         }
         for name, blank in PER_SAMPLE.items():
             rows[name] = columns[name].astype(type(blank))
+        rows |= {name: columns[name] for name in FOOTING}
         signals = {name: values for name, values in columns.items() if name not in known}
         empty = cls.empty(columns["time_s"][:, 0], nsim=1, trailers=width - 3)
         return replace(empty, **rows, signals=signals)

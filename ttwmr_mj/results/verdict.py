@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.references.shared.demand import Feasibility
-from ttwmr_mj.results.accept import END_SHARE, GROWTH, AcceptOptions, VerdictName
+from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -35,6 +35,12 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
         "reference not feasible",
         "a limit below was exceeded, and the reference asks more of servo or tyres than they have",
     ),
+    "tipped_over": ("tipped over", "the tractor tilted by more than `tilt_rad`"),
+    "off_the_ground": (
+        "off the ground",
+        "P was higher than `height_m`, or a wheel did not touch the ground at more than "
+        "`airborne_share` of the samples",
+    ),
     "saturated_throughout": (
         "saturated throughout",
         "commands were cut to the servo's range at more than `saturated_share` of the samples",
@@ -48,6 +54,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
 }
 SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
+NOTABLE = 0.02  # share of the samples from which wheels that slip or lift are told of
 FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
 MISSING_TRAILER = "the reference says nothing of the trailer"
 
@@ -121,6 +128,8 @@ def judge(
         return Verdict(name, None, None, reason)
     accept = accept or AcceptOptions()
     rows = trajectory.simulation()
+    if (fallen := _footing(rows, accept)) is not None:
+        return fallen
     errors = list(_errors(rows, robot, accept))
     if not errors:
         return Verdict("no_reference", None, None, "there was nothing to follow")
@@ -133,23 +142,51 @@ def judge(
         return Verdict("reference_not_feasible", asked[0].worst, asked[0].limit, what)
     if (cut := float(rows.saturated.mean())) > accept.saturated_share:
         return _share("saturated_throughout", cut, accept.saturated_share, "commands were cut at")
-    return _verdict_of(errors, broken, demands)
+    return _verdict_of(errors, broken, demands, rows)
 
 
-def _verdict_of(errors: list[Error], broken: list[Error], demands: Feasibility | None) -> Verdict:
+def _verdict_of(
+    errors: list[Error], broken: list[Error], demands: Feasibility | None, rows: Trajectory
+) -> Verdict:
     """Followed, lost, or the trailer alone lost."""
     tractor = [error for error in broken if error.measure == "tractor_m"]
     if tractor:
         worst = _gravest(tractor)
-        return Verdict("lost", worst.number, worst.limit, str(worst))
+        return Verdict("lost", worst.number, worst.limit, f"{worst}{_wheels(rows)}")
     if broken:
         worst = _gravest(broken)
-        what = f"{worst}{_not_free(demands)}"
+        what = f"{worst}{_not_free(demands)}{_wheels(rows)}"
         return Verdict("tractor_follows_trailer_lost", worst.number, worst.limit, what)
     nearest = max((e for e in errors if e.time_s is None), key=lambda error: error.share)
     judged = {error.measure for error in errors}
     what = f"at most {nearest}" if len(judged) > 1 else f"at most {nearest}; {MISSING_TRAILER}"
     return Verdict("followed", nearest.number, nearest.limit, what)
+
+
+def _footing(rows: Trajectory, accept: AcceptOptions) -> Verdict | None:
+    """Tipped over or off the ground; None while it stands, or where nothing is known of that."""
+    if not np.isfinite(rows.tilt_rad).any():
+        return None
+    if (tilt := float(np.nanmax(rows.tilt_rad))) > accept.tilt_rad:
+        what = f"the tractor tilted by {tilt:.3g} rad (limit {accept.tilt_rad:g} rad)"
+        return Verdict("tipped_over", tilt, accept.tilt_rad, what)
+    if (height := float(np.nanmax(rows.height_m))) > accept.height_m:
+        numbers = f"{_amount(height, 'm')} (limit {_amount(accept.height_m, 'm')})"
+        return Verdict("off_the_ground", height, accept.height_m, f"P rose by {numbers}")
+    if (share := float((rows.wheels_on_floor < 2).mean())) > accept.airborne_share:
+        what = "a wheel was off the ground at"
+        return _share("off_the_ground", share, accept.airborne_share, what)
+    return None
+
+
+def _wheels(rows: Trajectory) -> str:
+    """What wheels did that explains a loss; empty if they rolled."""
+    found = {
+        "a wheel was off the ground at": float((rows.wheels_on_floor < 2).mean()),
+        "wheels slipped at": float((rows.wheel_slip_m_s > SLIPPING_M_S).mean()),
+    }
+    told = [f"{what} {100 * x:.2g} % of the samples" for what, x in found.items() if x > NOTABLE]
+    return "".join(f"; {words}" for words in told)
 
 
 def _not_free(demands: Feasibility | None) -> str:

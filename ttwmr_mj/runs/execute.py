@@ -233,8 +233,8 @@ def _reporter(
                     recorder.append_pace(rows.time_s, late)
                 if camera is not None:
                     recorder.append_camera(camera.trackers[0].camera, camera.layout, records)
-            if frames is not None:
-                frames.add(records)
+            if frames is not None and camera is not None:
+                frames.add(camera.layout, records)
 
         background.do(record)
         if progress is not None and len(rows):

@@ -21,6 +21,8 @@ from ttwmr_mj.state import BoolArray, RobotState
 
 Status = Literal["ok", "diverged", "failed", "interrupted"]
 Report = Callable[[Trajectory], None]
+TIPPED_RAD = 1.0  # no wheel of a robot so far tilted carries it any longer
+FLOWN_M = 0.3  # over the ground: whatever threw it, it is not driving
 ESCAPE = 1e4  # m or rad: no scenario may start or lead that far, so the run has diverged
 
 
@@ -133,11 +135,20 @@ class Loop:
         if rows.contact_readings.size:
             rows.contact_readings[k] = plant.contact_readings()
         self.done = k + 1
-        failed = plant.failed()
-        if failed.any() or not np.abs(truth.q).max() <= ESCAPE:
-            self._end_some(truth, failed, k * self.scenario.control.sampling_time_s)
+        failed, gone = plant.failed(), self._record_footing(k)
+        if failed.any() or gone.any() or not np.abs(truth.q).max() <= ESCAPE:
+            self._end_some(truth, failed, gone, k)
         self._first = self._first or truth
         return self._with_the_ended_at_rest(truth) if self.ends else truth
+
+    def _record_footing(self, k: int) -> BoolArray:
+        """Record how the robots stand at sample k; who does no longer (nsim,)."""
+        footing = self.plant.footing()
+        if footing is None:
+            return np.zeros(self.plant.nsim, dtype=np.bool_)
+        for name, values in footing._asdict().items():
+            getattr(self.rows, name)[k] = values
+        return np.asarray((footing.tilt_rad > TIPPED_RAD) | (footing.height_m > FLOWN_M))
 
     def _with_the_ended_at_rest(self, truth: RobotState) -> RobotState:
         """The state with ended simulations where they started: nothing they do harms the others."""
@@ -194,12 +205,15 @@ class Loop:
             self.report(self.rows.rows(self._reported, self.done))
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 
-    def _end_some(self, truth: RobotState, failed: BoolArray, time_s: float) -> None:
+    def _end_some(self, truth: RobotState, failed: BoolArray, gone: BoolArray, k: int) -> None:
         """Note how simulations ended whose physics failed or whose state left all bounds."""
+        time_s = k * self.scenario.control.sampling_time_s
         escaped = np.abs(truth.q).max(axis=1) > ESCAPE
-        for i in map(int, np.flatnonzero(failed | escaped)):
+        for i in map(int, np.flatnonzero(failed | escaped | gone)):
             if failed[i]:
                 end = Outcome("failed", f"the physics failed: {self.plant.fault(i)}", time_s)
+            elif gone[i]:
+                end = Outcome("diverged", _no_longer_stands(self.rows, k, i), time_s)
             else:
                 reason = f"the state diverged beyond {ESCAPE:g} m or {ESCAPE:g} rad"
                 end = Outcome("diverged", reason, time_s)
@@ -222,6 +236,13 @@ class Loop:
         """One end for a simulation, unless it has one."""
         self.ends.setdefault(simulation, outcome)
         self.lengths.setdefault(simulation, max(self.done, 1))  # the start is always a row
+
+
+def _no_longer_stands(rows: Trajectory, k: int, simulation: int) -> str:
+    tilt, height = rows.tilt_rad[k, simulation], rows.height_m[k, simulation]
+    if tilt > TIPPED_RAD:
+        return f"the robot tipped over: its tilt is {tilt:.2g} rad (limit {TIPPED_RAD:g} rad)"
+    return f"the robot left the ground: it is {height:.2g} m above it (limit {FLOWN_M:g} m)"
 
 
 def _without(command: Command, ended: list[int]) -> Command:

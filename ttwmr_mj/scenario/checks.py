@@ -72,6 +72,7 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
     if given not in (0, count - 1):
         allowed = f"as many as there are trailers behind the first, {count - 1}"
         yield Fault(key=("initial", more), got=str(given), allowed=allowed)
+    yield from _whose_label(scenario)
     if count == 1:
         return
     for index, hitch in enumerate(scenario.robot.hitches[1:], start=1):
@@ -81,7 +82,6 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=place, got=f"{hitch.play_m:g}", problem=problem)
     problem = f"does not work with {count} trailers"
     refused = {
-        ("sensing", "kind"): (scenario.sensing.kind == "camera", repr(scenario.sensing.kind)),
         ("plant", "analytic", "extended"): (bool(scenario.plant.analytic.extended), "given"),
         ("plant", "analytic", "published_spring"): (
             scenario.plant.analytic.published_spring,
@@ -91,12 +91,30 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             not scenario.controller.tows_trains,
             repr(scenario.controller.kind),
         ),
+        ("controller", "recovery"): (
+            getattr(scenario.controller, "recovery", None) == "mpc",
+            "'mpc'",
+        ),
         ("controller", "learn"): (bool(getattr(scenario.controller, "learn", ())), "given"),
         ("reference", "kind"): (not scenario.reference.leads_trains, repr(scenario.reference.kind)),
     }
     for key, (bad, got) in refused.items():
         if bad:
             yield Fault(key=key, got=got, problem=problem)
+
+
+def _whose_label(scenario: Scenario) -> Iterable[Fault]:
+    """Trailers that a camera's faults name."""
+    if scenario.sensing.kind != "camera":
+        return
+    faults, count = scenario.sensing.camera.faults, len(scenario.robot.trailers)
+    named = {"occluders": faults.occluders, "faded": faults.faded}
+    for table, given in named.items():
+        for index, fault in enumerate(given):
+            if (trailer := fault.model_dump()["trailer"]) > count:
+                key = ("sensing", "camera", "faults", table, str(index), "trailer")
+                allowed = f"at most {count}, the number of trailers"
+                yield Fault(key=key, got=str(trailer), allowed=allowed)
 
 
 def _open_loop(scenario: Scenario) -> Iterable[Fault]:
@@ -126,6 +144,10 @@ def unknown_to_the_models(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=(*table, "play_m"), got=f"{hitch.play_m:g}", problem=problem)
     if regions := scenario.ground.regions:
         yield Fault(key=("ground", "regions"), got=f"{len(regions)} regions", problem=problem)
+    if scenario.ground.terrain is not None:
+        yield Fault(key=("ground", "terrain"), got="a table", problem=problem)
+    if kerbs := scenario.ground.kerbs:
+        yield Fault(key=("ground", "kerbs"), got=f"{len(kerbs)} kerbs", problem=problem)
 
 
 def _frames(scenario: Scenario) -> Iterable[Fault]:

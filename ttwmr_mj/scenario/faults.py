@@ -57,6 +57,9 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
                 return Fault(key=key, problem="missing", allowed=allowed)
             hint = suggestion(str(context["tag"]), kinds)
             return Fault(key=key, got=f"{context['tag']!r}{hint}", allowed=allowed)
+        case "too_long":
+            allowed = f"at most {context['max_length']} of them"
+            return Fault(key=keys, got=f"{context['actual_length']} of them", allowed=allowed)
         case "too_short":
             return Fault(
                 key=keys, got=shown(got), allowed=f"at least {context['min_length']} of them"

@@ -1,6 +1,6 @@
 """Frames for others to train or test on: PNG pictures with COCO keypoint annotations.
 
-The four labels are the keypoints of one category, "ttwmr". Beside each picture lies a mask, an
+The labels are the keypoints of one category, "ttwmr". Beside each picture lies a mask, an
 8-bit PNG whose values are the classes of `camera.frame`.
 """
 
@@ -14,17 +14,23 @@ import numpy as np
 
 from ttwmr_mj.files import write_text
 from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS, TRACTOR_CLASS, Frame, FrameTruth, Image
-from ttwmr_mj.vision.camera.labels import COUNT, NAMES
+from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
 from ttwmr_mj.vision.log import CameraRecord
 
 HIDDEN_SHARE = 0.5  # a label of which less can be seen counts as hidden
-CATEGORY = {
-    "id": 1,
-    "name": "ttwmr",
-    "supercategory": "robot",
-    "keypoints": list(NAMES),
-    "skeleton": [[1, 2], [2, 3], [3, 4]],  # COCO counts keypoints from 1
-}
+CATEGORY_ID = 1
+
+
+def category(layout: LabelLayout) -> dict[str, Any]:
+    """The robot, its labels a chain from front to rear."""
+    count = layout.count
+    return {
+        "id": CATEGORY_ID,
+        "name": "ttwmr",
+        "supercategory": "robot",
+        "keypoints": list(layout.names),
+        "skeleton": [[i, i + 1] for i in range(1, count)],  # COCO counts keypoints from 1
+    }
 
 
 class FrameExport:
@@ -36,13 +42,20 @@ class FrameExport:
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
+        self._categories: list[dict[str, Any]] = []
         for name in ("images", "masks"):
             (folder / name).mkdir(parents=True, exist_ok=True)
         self._images: list[dict[str, Any]] = []
         self._annotations: list[dict[str, Any]] = []
 
-    def add(self, records: Sequence[CameraRecord]) -> None:
-        """Write the frames that arrived; without the truth there is nothing to annotate."""
+    def add(self, layout: LabelLayout, records: Sequence[CameraRecord]) -> None:
+        """Write the frames that arrived; without the truth there is nothing to annotate.
+
+        Args:
+            layout: the labels on the robot.
+            records: one per control period, oldest first.
+        """
+        self._categories = [category(layout)]
         for record in records:
             frame = record.frame
             if frame and frame.truth and frame.truth.segmentation is not None:
@@ -54,7 +67,7 @@ class FrameExport:
             "info": {"description": "ttwmr-mj overhead camera, truth from the simulation"},
             "images": self._images,
             "annotations": self._annotations,
-            "categories": [CATEGORY],
+            "categories": self._categories,
         }
         write_text(self._folder / "annotations.json", json.dumps(dataset, allow_nan=False) + "\n")
 
@@ -88,12 +101,12 @@ def annotation(truth: FrameTruth, classes: Image, number: int) -> dict[str, Any]
     keypoints: list[float] = []
     for (x, y), flag in zip(places.tolist(), flags.tolist(), strict=True):
         keypoints += [x, y, flag] if flag else [0.0, 0.0, 0]
-    robot = cv2.inRange(classes, TRACTOR_CLASS, FIRST_LABEL_CLASS + COUNT - 1)
+    robot = cv2.inRange(classes, TRACTOR_CLASS, FIRST_LABEL_CLASS + len(NAMES) - 1)
     contours, _ = cv2.findContours(robot, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     return {
         "id": number,
         "image_id": number,
-        "category_id": CATEGORY["id"],
+        "category_id": CATEGORY_ID,
         "keypoints": keypoints,
         "num_keypoints": int(inside.sum()),
         "bbox": [float(value) for value in cv2.boundingRect(robot)],

@@ -14,7 +14,7 @@ from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
@@ -177,7 +177,7 @@ class CameraSensor(Sensor):
         if self.latency is not None:
             self.latency.roll(speeds)
         for i, tracker in enumerate(self.trackers):
-            tracker.assume(0.0, truth.q[i], float(truth.q_rate[i, 3]))
+            tracker.assume(0.0, truth.q[i], truth.q_rate[i, THETA2:])
 
     def _expose(self, truth: RobotState, now: float) -> Future[Frames]:
         """Let the cameras' thread take this period's frames of each simulation."""
@@ -209,7 +209,7 @@ class CameraSensor(Sensor):
     def _learn_latency(self, arrived: Frames) -> None:
         """Compare the poses of new frames with what was commanded before their stamps."""
         assert self.latency is not None
-        stamp_s, poses = np.zeros(len(arrived)), np.zeros((len(arrived), 4))
+        stamp_s, poses = np.zeros(len(arrived)), np.zeros((len(arrived), 3 + self.layout.trailers))
         due = np.zeros(len(arrived), dtype=np.bool_)
         for i, (tracker, frames) in enumerate(zip(self.trackers, arrived, strict=True)):
             pose = tracker.sighted_pose() if frames else None

@@ -40,10 +40,11 @@ STEPS = 2  # of Gauss-Newton in a period; 3 catch no more
 WEIGHTS = TrackingWeights(position_scale_m=0.03, angle_scale_rad=0.1, change_scale_rad_s=0.3)
 
 RecoveryKind = Annotated[
-    Literal["own", "mpc"],
+    Literal["auto", "own", "mpc"],
     Field(
         description="who leads back from far off the reference: the law's own means, or model "
-        "predictive control, until the error is small again"
+        "predictive control, until the error is small again; auto: mpc, and own with several "
+        "trailers, for which there are no such plans"
     ),
 ]
 

@@ -20,12 +20,13 @@ def chase(footage: Footage) -> Camera:
     step_s = float(footage.time_s[1] - footage.time_s[0]) if len(q) > 1 else 1.0
     heading = _calm(q[:, THETA1], CALM_S / step_s)
     place = np.column_stack([_calm(q[:, i], 0.25 * CALM_S / step_s) for i in range(2)])
-    back = 0.09 * np.column_stack([np.cos(heading), np.sin(heading)])
+    scale = footage.scenario.robot.looks_scale
+    back = 0.09 * scale * np.column_stack([np.cos(heading), np.sin(heading)])
 
     def at(frame: int) -> mujoco.MjvCamera:
         return _camera(
-            (*(place - back)[frame], 0.03),
-            DISTANCE_M,
+            (*(place - back)[frame], 0.03 * scale),
+            DISTANCE_M * scale,
             float(np.degrees(heading[frame])) - 32.0,
             ELEVATION_DEG,
         )

@@ -9,8 +9,9 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.joints import Joints
+from ttwmr_mj.plants.joints import HEIGHT, Joints
 from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
@@ -58,6 +59,9 @@ class Stage:
         joints = Joints(model)
         self._qpos = joints.standing(np.array(model.qpos0), footage.q)
         self._qpos[:, joints.wheel_qpos] = footage.wheel_angle_rad
+        self._relief = Relief(model)
+        if not self._relief.flat:
+            self._qpos[:, joints.free_qpos + HEIGHT] += self._relief.at(footage.q[:, :2])
         self._gl = make_context()
         self._buffers = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._buffers)
@@ -125,7 +129,7 @@ class Stage:
             geom,
             mujoco.mjtGeom.mjGEOM_BOX,
             np.array([*half, THICKNESS_M]),
-            np.array([*middle[:2], 0.0026]),
+            np.array([*middle[:2], 0.0026 + float(self._relief.at(middle[:2]))]),
             turned.flatten(),
             np.array(SHADE, dtype=np.float32),
         )
@@ -143,13 +147,16 @@ class Stage:
         pieces.sort(key=lambda piece: piece[0])
         pieces = pieces[: MAX_GEOMS - self._first_still]
         for i, (_, start, end, name) in enumerate(pieces):
-            _floor_line(self._scene.geoms[self._first_still + i], start, end, *PATHS[name])
+            width, height, colour = PATHS[name]
+            height += float(self._relief.at(0.5 * (start + end)))
+            geom = self._scene.geoms[self._first_still + i]
+            _floor_line(geom, start, end, width, height, colour)
         return np.array([piece[0] for piece in pieces])
 
 
 def _model(scenario: Scenario, largest_px: tuple[int, int]) -> mujoco.MjModel:
     """The scenario's robot on a light floor, in a size and a light for the eye."""
-    model = build_model(scenario.robot, scenario.plant.contact)
+    model = build_model(scenario.robot, scenario.plant.contact, scenario.ground)
     model.vis.global_.offwidth, model.vis.global_.offheight = largest_px
     model.vis.quality.offsamples = 4
     model.vis.quality.shadowsize = 0

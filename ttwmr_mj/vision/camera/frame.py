@@ -20,12 +20,12 @@ class FrameTruth:
     """What a frame shows, for scoring; nothing in the loop may look at it.
 
     Attributes:
-        q: (4,) x, y, θ1, θ2 at the middle of the exposure.
-        centres_px: (4, 2) column and row of the labels' centres, in the order of `labels.NAMES`;
+        q: (3 + n,) x, y, θ1, θ2, … at the middle of the exposure.
+        centres_px: (labels, 2) column and row of the labels' centres, in the layout's order;
             also where a label is hidden or outside of the picture.
-        visible: (4,) share of each label's area that can be seen, 0 to 1.
-        segmentation: (rows, columns) class of every pixel: 0 background, 1 tractor, 2 trailer,
-            3-6 the labels, 7 occluder, 8 distractor; None unless asked for.
+        visible: (labels,) share of each label's area that can be seen, 0 to 1.
+        segmentation: (rows, columns) class of every pixel: 0 background, 1 tractor, 2 trailers,
+            3-6 the labels by hue, 7 occluder, 8 distractor; None unless asked for.
     """
 
     q: FloatArray

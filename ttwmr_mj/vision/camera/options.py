@@ -23,6 +23,9 @@ Side = Annotated[int, Field(ge=64, le=4096)]
 Move = Annotated[float, Field(ge=-1, le=1)]
 Tilt = Annotated[float, Field(ge=-0.5, le=0.5)]
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]
+WhichTrailer = Annotated[
+    int, Field(ge=1, le=5, description="which trailer is meant, counted from the front")
+]
 MOVES = ("x_m", "y_m", "roll_rad", "pitch_rad", "yaw_rad")  # how a camera is moved
 LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
 
@@ -126,6 +129,7 @@ class Occluder(Window):
         default="path",
         description="path: moves from from_m to to_m; otherwise stays above that body's labels",
     )
+    trailer: WhichTrailer = 1
     from_m: Pair = Field(
         default=(-1.0, 0.0), description="position (x, y) in the label plane at start_s"
     )
@@ -174,6 +178,7 @@ class FadedLabel(Config):
     """A label bleached by the sun."""
 
     label: LabelName = Field(description="the label that is faded")
+    trailer: WhichTrailer = 1
     fading: Share = Field(default=0.5, description="loss of colour: 0 as new, 1 grey")
 
 

@@ -36,13 +36,13 @@ def fill(
 
 
 def occluder_centre(occluder: Occluder, time_s: float, labels_m: FloatArray) -> FloatArray:
-    """x, y (2,) of an occluder's middle at a time; labels_m (4, 3) is where the labels are."""
+    """x, y (2,) of an occluder's middle at a time; labels_m (labels, 3) is where the labels are."""
     if occluder.over == "path":
         share = (time_s - occluder.start_s) / (occluder.end_s - occluder.start_s)
         start, end = np.array(occluder.from_m), np.array(occluder.to_m)
         return np.asarray(start + share * (end - start))
-    half = labels_m[:2] if occluder.over == "tractor" else labels_m[2:]
-    return np.asarray(half[:, :2].mean(axis=0))
+    body = 0 if occluder.over == "tractor" else occluder.trailer
+    return np.asarray(labels_m[2 * body : 2 * body + 2, :2].mean(axis=0))
 
 
 class Occluders:

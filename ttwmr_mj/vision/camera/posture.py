@@ -17,16 +17,16 @@ class Posture:
         self._home = np.array(model.key_qpos[0])
 
     def positions(self, q: FloatArray) -> FloatArray:
-        """(..., nq) generalized positions at q (..., 4), standing as in keyframe 0."""
+        """(..., nq) generalized positions at q (..., 3 + n), standing as in keyframe 0."""
         qpos = self._joints.standing(self._home, np.atleast_2d(q))
         return np.reshape(qpos, (*q.shape[:-1], -1))
 
     def coordinates(self, qpos: FloatArray) -> FloatArray:
-        """(4,) q at generalized positions (nq,); θ1 in [−2π, 2π]."""
+        """(3 + n,) q at generalized positions (nq,); θ1 in [−2π, 2π]."""
         return self._joints.planar(qpos, np.zeros(self._model.nv))[0]
 
     def moved(self, qpos: FloatArray, q_rate: FloatArray, duration_s: float) -> FloatArray:
-        """(nq,) positions after constant rates (4,) for a time, which may be negative."""
+        """(nq,) positions after constant rates (3 + n,) for a time, which may be negative."""
         qvel = self._joints.moving(q_rate[None], np.zeros((1, 2)), self._model.nv)[0]
         moved = np.array(qpos, dtype=np.float64)
         mujoco.mj_integratePos(self._model, moved, qvel, duration_s)

@@ -6,6 +6,8 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.joints import Joints
+from ttwmr_mj.plants.names import trailer_part
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import (
     DISTRACTOR_CLASS,
@@ -16,7 +18,7 @@ from ttwmr_mj.vision.camera.frame import (
     FrameTruth,
     Image,
 )
-from ttwmr_mj.vision.camera.labels import COUNT, NAMES, read_layout
+from ttwmr_mj.vision.camera.labels import NAMES, TRACTOR, label_parts, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
@@ -104,7 +106,7 @@ class VirtualCamera:
 
         Args:
             qpos: (nq,) generalized positions now.
-            q_rate: (4,) rates of q, taken as constant while the shutter is open.
+            q_rate: (3 + n,) rates of q, taken as constant while the shutter is open.
             time_s: now; from frame to frame it must not go back.
 
         Returns:
@@ -167,7 +169,7 @@ class VirtualCamera:
 
     def _speed_px(self, q_rate: FloatArray) -> float:
         """How many pixels a second no label is faster than."""
-        reach = np.abs(self.layout.offset_m).max()
+        reach = np.abs(self.layout.offset_m).max() + self.layout.reach_m.sum()
         speed = np.hypot(q_rate[0], q_rate[1]) + reach * np.abs(q_rate[2:]).max()
         height = float(self.layout.height_m.max())
         return float(speed / self.true.metres_per_pixel(height))
@@ -205,10 +207,10 @@ class VirtualCamera:
         return int(np.clip(np.ceil(travel_px / step_px), 1, MAX_INSTANTS))
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
-        """(4,) share of each label's area inside the picture and not hidden."""
+        """(labels,) share of each label's area inside the picture and not hidden."""
         border_px = np.minimum(centres_px, self._size_px - 1.0 - centres_px).min()
         if border_px > self._label_px and not self._occluders.at(time_s):
-            return np.ones(COUNT)
+            return np.ones(self.layout.count)
         points = np.repeat(labels_m[:, None], len(DISC), axis=1)
         points[..., :2] += self.layout.radius_m * DISC
         pixel = self.true.project(points)
@@ -228,19 +230,25 @@ def _simplify_for_drawing(model: mujoco.MjModel) -> None:
 
 def _fade(model: mujoco.MjModel, faded: FadedLabel) -> None:
     """Bleach a label's colour towards the grey of the same brightness."""
-    material = int(model.geom(f"label_{faded.label}").matid[0])
+    part = f"label_{faded.label}"
+    if faded.label not in TRACTOR:
+        part = trailer_part(part, faded.trailer - 1)
+    material = int(model.geom(part).matid[0])
     colour = model.mat_rgba[material, :3]
     colour += faded.fading * (colour.mean() - colour)
 
 
 def _classes(model: mujoco.MjModel) -> Image:
     """Class of every geom id, and of −1 in the last entry."""
+    trailers = Joints(model).trailers
+    towed = [model.body(trailer_part("trailer", i)).id for i in range(trailers)]
     of_body = np.zeros(model.nbody, dtype=np.uint8)
     for body in range(1, model.nbody):  # parents come before their children
         of_body[body] = of_body[model.body_parentid[body]] or TRACTOR_CLASS
-        if body == model.body("trailer").id:
+        if body in towed:
             of_body[body] = TRAILER_CLASS
     classes = np.append(of_body[model.geom_bodyid], np.uint8(0))
-    for i, name in enumerate(NAMES):
-        classes[model.geom(f"label_{name}").id] = FIRST_LABEL_CLASS + i
+    for i, part in enumerate(label_parts(trailers)):
+        hue = i if i < len(NAMES) else 2 + i % 2
+        classes[model.geom(part).id] = FIRST_LABEL_CLASS + hue
     return classes

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image, Pixels
-from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
+from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
 from ttwmr_mj.vision.camera.region import Region
 
 Response = NDArray[np.float32]
+HUES = len(NAMES)
 
 NEUTRAL_STRIDE = 16  # every 16th pixel of both axes tells the colour of a mostly grey floor
 NEUTRAL_BRIGHTNESS = (8.0, 247.0)  # nearly black has no colour, nearly white has lost it
@@ -33,7 +34,7 @@ SKIRT_PX = 3.0  # beyond the edge, where blur still spreads a label's light
 COARSE_LABEL_PX = 2.0  # diameter of a label in the shrunk picture of a whole-frame search
 COARSE_CONTRAST = 0.6  # of the least contrast: its pixels are half floor
 COARSE_AREA_SHARE = (0.2, 4.0)  # of a disc's area: from half hidden and faint to blurred
-MAX_CANDIDATES = 6  # of one colour; refined one by one, which takes time
+SPARE_CANDIDATES = 5  # of one colour, beside its labels; refined one by one, which takes time
 FAR = -1e6  # column of a region that does not exist
 
 
@@ -41,7 +42,7 @@ FAR = -1e6  # column of a region that does not exist
 class Candidates:
     """Blobs that look like labels, n of them."""
 
-    label: NDArray[np.intp]  # (n,) which of the four, by colour
+    hue: NDArray[np.intp]  # (n,) which of the four colours
     centre_px: FloatArray  # (n, 2) column, row
 
 
@@ -56,6 +57,8 @@ class Detector:
         """Take the labels' hues from their paint."""
         chroma = layout.colour_bgr - layout.colour_bgr.mean(axis=1, keepdims=True)
         self._hue = chroma / np.linalg.norm(chroma, axis=1, keepdims=True)
+        self._hue_of = layout.hue
+        self._most = SPARE_CANDIDATES + layout.trailers
         self.radius_px = radius_px
         self._reach = int(np.ceil(radius_px + SKIRT_PX))
 
@@ -66,14 +69,14 @@ class Detector:
 
         Args:
             image: (rows, columns, 3) BGR.
-            predicted_px: (4, 2) expected centres.
+            predicted_px: (labels, 2) expected centres.
             search_px: how far from there a centre may lie.
 
         Returns:
-            Centres (4, 2), NaN where not found, and which were found (4,).
+            Centres (labels, 2), NaN where not found, and which were found (labels,).
         """
         half = self._reach + int(np.ceil(search_px))
-        return self._refine(image, np.arange(COUNT), predicted_px, half)
+        return self._refine(image, self._hue_of, predicted_px, half)
 
     def search(self, image: Pixels) -> Candidates:
         """Look for all labels in the whole frame; several candidates of a colour are usual."""
@@ -81,27 +84,28 @@ class Detector:
         rows, columns = image.shape[0] // shrink, image.shape[1] // shrink
         whole = image[: rows * shrink, : columns * shrink]
         small = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA)
-        hue = self._balanced_hue(image).astype(np.float32)
-        response = hue @ small.reshape(-1, 3).T.astype(np.float32)
-        mask = np.zeros((COUNT, rows + 1, columns), dtype=np.uint8)  # a dark row between each two
-        mask[:, :rows] = (response > COARSE_CONTRAST * MIN_CONTRAST).reshape(COUNT, rows, columns)
+        weights = self._balanced_hue(image).astype(np.float32)
+        response = weights @ small.reshape(-1, 3).T.astype(np.float32)
+        mask = np.zeros((HUES, rows + 1, columns), dtype=np.uint8)  # a dark row between each two
+        mask[:, :rows] = (response > COARSE_CONTRAST * MIN_CONTRAST).reshape(HUES, rows, columns)
         coarse, area_px, _ = blobs(mask.reshape(-1, columns))
-        label = (coarse[:, 1] // (rows + 1)).astype(np.intp)
-        coarse[:, 1] -= label * (rows + 1)
-        chosen = _likeliest(label, area_px * shrink**2 / (np.pi * self.radius_px**2))
-        label, centre = label[chosen], (coarse[chosen] + 0.5) * shrink - 0.5
-        refined, sound = self._refine(image, label, centre, self._reach + shrink)
-        return Candidates(label[sound], refined[sound])
+        hue = (coarse[:, 1] // (rows + 1)).astype(np.intp)
+        coarse[:, 1] -= hue * (rows + 1)
+        share = area_px * shrink**2 / (np.pi * self.radius_px**2)
+        chosen = _likeliest(hue, share, self._most)
+        hue, centre = hue[chosen], (coarse[chosen] + 0.5) * shrink - 0.5
+        refined, sound = self._refine(image, hue, centre, self._reach + shrink)
+        return Candidates(hue[sound], refined[sound])
 
     def _balanced_hue(self, image: Pixels) -> FloatArray:
         """(4, 3) weights of blue, green, red that cancel for what is grey in this image."""
         return np.asarray(self._hue / neutral_colour(image))
 
     def _refine(
-        self, image: Pixels, label: NDArray[np.intp], near_px: FloatArray, half: int
+        self, image: Pixels, hue: NDArray[np.intp], near_px: FloatArray, half: int
     ) -> tuple[FloatArray, BoolArray]:
         """Centres (n, 2) of the labels in square regions around (n, 2), and which exist (n,)."""
-        count, side = len(label), 2 * half + 1
+        count, side = len(hue), 2 * half + 1
         centre = np.full((count, 2), np.nan)
         sound = np.zeros(count, dtype=np.bool_)
         if not count:
@@ -109,8 +113,8 @@ class Detector:
         near = np.where(np.isfinite(near_px), near_px, FAR)
         corner = np.rint(near).astype(np.intp) - half
         patches = _cut(image, corner, side)
-        hue = self._balanced_hue(image)[label].astype(np.float32)
-        response = np.matmul(patches.reshape(count, -1, 3), hue[:, :, None])
+        weights = self._balanced_hue(image)[hue].astype(np.float32)
+        response = np.matmul(patches.reshape(count, -1, 3), weights[:, :, None])
         response = response.reshape(count, side, side)
         even = cv2.blur(response.reshape(-1, side), SMOOTHING_PX).reshape(count, side, side)
         peak = even.max(axis=(1, 2))
@@ -201,10 +205,10 @@ def _cut(image: Pixels, corner: NDArray[np.intp], side: int) -> Response:
     return patches
 
 
-def _likeliest(label: NDArray[np.intp], area: FloatArray) -> NDArray[np.intp]:
+def _likeliest(hue: NDArray[np.intp], area: FloatArray, most: int) -> NDArray[np.intp]:
     """Indices of the blobs closest in size to a label, a few of each colour."""
     low, high = COARSE_AREA_SHARE
     fits = np.flatnonzero((area >= low) & (area <= high))
     ranked = fits[np.argsort(np.abs(np.log(area[fits])))]
-    chosen = [ranked[label[ranked] == i][:MAX_CANDIDATES] for i in range(COUNT)]
+    chosen = [ranked[hue[ranked] == i][:most] for i in range(HUES)]
     return np.concatenate(chosen)

@@ -1,12 +1,11 @@
 """What the tracker answers: what came of a frame, and where the robot is."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.vision.camera.labels import COUNT
 
 
 class Status(StrEnum):
@@ -17,9 +16,9 @@ class Status(StrEnum):
     LOST = "lost"  # nothing is known; the whole of every frame is searched
 
 
-def no_labels() -> FloatArray:
-    """(4, 2) pixels of labels of which none is known: NaN."""
-    return np.full((COUNT, 2), np.nan)
+def no_labels(count: int) -> FloatArray:
+    """(count, 2) pixels of labels of which none is known: NaN."""
+    return np.full((count, 2), np.nan)
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,14 +26,19 @@ class Sighting:
     """What came of one frame.
 
     Attributes:
-        found_px: (4, 2) centres that were used, NaN where none.
-        predicted_px: (4, 2) where they were looked for; NaN in a whole-frame search.
+        found_px: (labels, 2) centres that were used, NaN where none.
+        predicted_px: (labels, 2) where they were looked for; NaN in a whole-frame search.
         search_px: half the side of the search regions; NaN in a whole-frame search.
     """
 
-    found_px: FloatArray = field(default_factory=no_labels)
-    predicted_px: FloatArray = field(default_factory=no_labels)
+    found_px: FloatArray
+    predicted_px: FloatArray
     search_px: float = np.nan
+
+    @classmethod
+    def of_none(cls, count: int) -> "Sighting":
+        """A whole-frame search without a result, for so many labels."""
+        return cls(no_labels(count), no_labels(count))
 
     @property
     def labels(self) -> int:
@@ -46,9 +50,9 @@ class Sighting:
 class TrackEstimate:
     """The tracker's answer for one instant."""
 
-    q: FloatArray  # (4,) x, y, θ1, θ2, angles unwrapped
-    q_rate: FloatArray  # (4,) their rates
-    covariance: FloatArray  # (4, 4) of q
+    q: FloatArray  # (3 + n,) x, y, θ1, θ2, …, angles unwrapped
+    q_rate: FloatArray  # (3 + n,) their rates
+    covariance: FloatArray  # (3 + n, 3 + n) of q
     valid: bool  # False while lost, or too uncertain
     status: Status  # tracked, blind or lost
     measurement_age_s: float  # since the last frame with labels; infinite before the first

@@ -1,14 +1,13 @@
 """The Kalman update: what the labels of one frame say about the state.
 
-Both halves share P in the measurement's equations, so the hitch constraint holds by construction.
+The bodies share their hitches in the measurement's equations, so the hitches hold by construction.
 """
 
 import numpy as np
 
 from ttwmr_mj.state import BoolArray, FloatArray
-from ttwmr_mj.vision.camera.labels import COUNT, LabelLayout
+from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.tracking.motion import Gaussian
-from ttwmr_mj.vision.tracking.pose import label_jacobian
 
 
 def update(
@@ -23,20 +22,22 @@ def update(
 
     Args:
         prior: at the time of the frame.
-        points_m: (4, 2) x, y of the labels in the plane at their height.
-        found: (4,) which of them are measured; the others are ignored.
+        points_m: (labels, 2) x, y of the labels in the plane at their height.
+        found: (labels,) which of them are measured; the others are ignored.
         layout: the labels on the robot.
         noise_m2: variance of a label's x and of its y.
         gate_chi2: labels with a larger squared normalised innovation are not used.
 
     Returns:
-        The posterior, and (4,) which labels passed the gate; without any it is the prior.
+        The posterior, and (labels,) which labels passed the gate; without any it is the prior.
     """
-    innovation = points_m - layout.centres_m(prior.mean[:4])[:, :2]
-    slope = label_jacobian(prior.mean[:4], layout)
-    cross = prior.covariance[:, :4] @ slope.T
-    spread = slope @ cross[:4]
-    spread.flat[:: 2 * COUNT + 1] += noise_m2
+    width = 3 + layout.trailers
+    q = prior.mean[:width]
+    innovation = points_m - layout.centres_m(q)[:, :2]
+    slope = layout.jacobian(q)
+    cross = prior.covariance[:, :width] @ slope.T
+    spread = slope @ cross[:width]
+    spread.flat[:: len(spread) + 1] += noise_m2
     used = found & (_squared_distances(innovation, spread) < gate_chi2)
     if not used.any():
         return prior, used
@@ -51,7 +52,7 @@ def update(
 
 
 def _squared_distances(innovation: FloatArray, spread: FloatArray) -> FloatArray:
-    """(4,) squared Mahalanobis distance of each label's innovation (4, 2); spread is (8, 8)."""
+    """Squared Mahalanobis distance (labels,) of each label's innovation (labels, 2), of spread."""
     x, y = innovation.T
     xx, yy = spread.diagonal()[0::2], spread.diagonal()[1::2]
     xy = spread.diagonal(1)[0::2]

@@ -1,7 +1,7 @@
-"""The robot's pose from the labels of one frame: both halves share P.
+"""The robot's pose from the labels of one frame: its bodies share their hitches.
 
-Least squares over x, y, θ1, θ2 with the labels' places on the halves as known. Two labels of one
-half and one of the other are enough.
+Least squares over q with the labels' places on the bodies as known. Two labels of one body and one
+of every other are enough.
 """
 
 from typing import NamedTuple
@@ -9,16 +9,16 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.state import THETA1, BoolArray, FloatArray
-from ttwmr_mj.vision.camera.labels import BODY, COUNT, TRACTOR, TRAILER, LabelLayout
+from ttwmr_mj.vision.camera.labels import LabelLayout
 
+AHEAD: FloatArray = np.array([1.0, 0.0])
 ITERATIONS = 3  # Gauss-Newton from a start that is exact without noise
-MIN_LABELS = 3  # six numbers for the four of q
 
 
 class LabelPose(NamedTuple):
     """A pose read from labels."""
 
-    q: FloatArray  # (4,) x, y [m], θ1, θ2 [rad] in (−π, π]
+    q: FloatArray  # (3 + n,) x, y [m], θ1, θ2, … [rad] in (−π, π]
     residual_m: float  # root mean square distance between labels found and where the pose puts them
 
 
@@ -26,20 +26,21 @@ def solve_pose(points_m: FloatArray, layout: LabelLayout) -> LabelPose | None:
     """The pose that explains label centres best.
 
     Args:
-        points_m: (4, 2) x, y of the labels at their height; NaN where not found.
+        points_m: (labels, 2) x, y of the labels at their height; NaN where not found.
         layout: the labels on the robot.
 
     Returns:
-        None with fewer than three labels: two of one half and one of the other.
+        None unless all bodies show a label, and one of them both.
     """
     found = np.isfinite(points_m[:, 0])
-    if found.sum() < MIN_LABELS:
+    shown = np.bincount(layout.body[found], minlength=1 + layout.trailers)
+    if shown.min() < 1 or shown.max() < 2:
         return None
     q = _start(points_m, found, layout)
     seen = points_m[found].ravel()
     rows = np.repeat(found, 2)
     for _ in range(ITERATIONS):
-        jacobian = label_jacobian(q, layout)[rows]
+        jacobian = layout.jacobian(q)[rows]
         residual = seen - layout.centres_m(q)[found, :2].ravel()
         step, *_ = np.linalg.lstsq(jacobian, residual, rcond=None)
         q = q + step
@@ -48,37 +49,49 @@ def solve_pose(points_m: FloatArray, layout: LabelLayout) -> LabelPose | None:
     return LabelPose(q, float(np.sqrt(residual @ residual / found.sum())))
 
 
-def label_jacobian(q: FloatArray, layout: LabelLayout) -> FloatArray:
-    """(8, 4) derivatives of the labels' x, y, label after label, by q (4,)."""
-    jacobian = np.zeros((2 * COUNT, 4))
-    jacobian[0::2, 0] = jacobian[1::2, 1] = 1.0
-    cos, sin = np.cos(q[THETA1:])[BODY], np.sin(q[THETA1:])[BODY]
-    x, y = layout.offset_m.T
-    rows = np.arange(COUNT)
-    jacobian[2 * rows, THETA1 + BODY] = -sin * x - cos * y
-    jacobian[2 * rows + 1, THETA1 + BODY] = cos * x - sin * y
-    return jacobian
-
-
 def _start(points_m: FloatArray, found: BoolArray, layout: LabelLayout) -> FloatArray:
-    """A first pose from the halves with two labels, completed by the others."""
-    halves = [np.flatnonzero(found & (half == BODY)) for half in (TRACTOR, TRAILER)]
-    angle = np.zeros(2)
-    origins = []
-    for half, labels in enumerate(halves):
-        if len(labels) == 2:
-            front, rear = labels
-            angle[half] = _direction(points_m[front] - points_m[rear]) - _direction(
-                layout.offset_m[front] - layout.offset_m[rear]
-            )
-            offset = layout.offset_m[labels].mean(axis=0)
-            origins.append(points_m[labels].mean(axis=0) - _rotated(offset, angle[half]))
-    origin = np.mean(origins, axis=0)
-    for half, labels in enumerate(halves):
-        if len(labels) == 1:
-            label = int(labels[0])
-            angle[half] = _direction(points_m[label] - origin) - _direction(layout.offset_m[label])
-    return np.concatenate([origin, angle])
+    """A first pose: bodies with two labels place their hitches, and hitches the other bodies."""
+    angle = np.zeros(1 + layout.trailers)
+    # where bodies see hitch i, which joins body i and body i + 1; hitch 0 is P
+    pins: list[list[FloatArray]] = [[] for _ in range(layout.trailers)]
+    pending = []
+    for body in range(len(angle)):
+        labels = np.flatnonzero(found & (body == layout.body))
+        if len(labels) < 2:
+            pending.append(body)
+            continue
+        front, rear = labels
+        angle[body] = _direction(points_m[front] - points_m[rear]) - _direction(
+            layout.offset_m[front] - layout.offset_m[rear]
+        )
+        offset = layout.offset_m[labels].mean(axis=0)
+        origin = points_m[labels].mean(axis=0) - _rotated(offset, angle[body])
+        for hitch, x in _hitches(body, layout):
+            pins[hitch].append(origin + x * _rotated(AHEAD, angle[body]))
+    while pending:
+        body, hitch, x = next(
+            (body, hitch, x)
+            for body in pending
+            for hitch, x in _hitches(body, layout)
+            if pins[hitch]
+        )
+        pending.remove(body)
+        (label,) = np.flatnonzero(found & (body == layout.body))
+        pivot = np.mean(pins[hitch], axis=0)
+        arm = layout.offset_m[label] - x * AHEAD
+        angle[body] = _direction(points_m[label] - pivot) - _direction(arm)
+        for other, further in _hitches(body, layout):
+            if other != hitch:
+                pins[other].append(pivot + (further - x) * _rotated(AHEAD, angle[body]))
+    return np.concatenate([np.mean(pins[0], axis=0), angle])
+
+
+def _hitches(body: int, layout: LabelLayout) -> list[tuple[int, float]]:
+    """The hitches of a body, each with its x in the body's frame."""
+    if body == 0:
+        return [(0, 0.0)]
+    rear = [(body, -float(layout.reach_m[body - 1]))] if body < layout.trailers else []
+    return [(body - 1, 0.0), *rear]
 
 
 def _direction(vector: FloatArray) -> float:

@@ -1,8 +1,8 @@
 """Follows the robot from frame to frame: an extended Kalman filter on labels and wheel commands.
 
 Each frame is worked in at its own time, however late it comes, and the result carried forward to
-now over the commands given since. Both halves share P in the measurement model, so the hitch
-constraint holds by construction.
+now over the commands given since. The bodies share their hitches in the measurement model, which
+hold by construction.
 """
 
 from collections.abc import Iterable
@@ -20,9 +20,9 @@ from ttwmr_mj.vision.tracking.commands import CommandHistory
 from ttwmr_mj.vision.tracking.detection import Detector
 from ttwmr_mj.vision.tracking.estimate import Sighting, Status, TrackEstimate, no_labels
 from ttwmr_mj.vision.tracking.kalman import update
-from ttwmr_mj.vision.tracking.motion import DELTA1, THETA2_RATE, Gaussian, MotionModel
+from ttwmr_mj.vision.tracking.motion import Gaussian, MotionModel
 from ttwmr_mj.vision.tracking.options import TrackerOptions
-from ttwmr_mj.vision.tracking.pose import MIN_LABELS, LabelPose, solve_pose
+from ttwmr_mj.vision.tracking.pose import LabelPose, solve_pose
 
 MIN_SEARCH_PX = 3.0  # a quarter of a label, for what calibration and model leave over
 MAX_SEARCH_PX = 32.0  # a wider region costs more than the whole frame shrunk
@@ -32,9 +32,9 @@ MOVING_PX = 0.3  # so far a label must have gone for a picture without motion to
 MAX_MISFITS = 5  # frames in a row that show labels, but not where they are expected
 FIRST_RATE_STD_RAD_S = 2.0  # of a trailer seen for the first time: anything it may do
 LONGEST_GAP_S = 1.0  # no frame comes later than that; an older state is carried along
-# of x, y, θ1, θ2: put down by hand, and taken from labels before the update with the same labels
-PUT_DOWN_STD = np.array([0.05, 0.05, 0.2, 0.2])
-SIGHTED_STD = np.array([0.02, 0.02, 0.2, 0.2])
+# of x and y, and of an angle: put down by hand, and taken from labels before the update with them
+PUT_DOWN_STD = (0.05, 0.2)
+SIGHTED_STD = (0.02, 0.2)
 
 
 class Tracker:
@@ -63,7 +63,9 @@ class Tracker:
         self.camera = camera
         self.layout = layout
         self._options = options
-        self._largest_std = np.repeat([options.max_position_std_m, options.max_angle_std_rad], 2)
+        self._trailers = layout.trailers
+        self._width = 3 + layout.trailers
+        self._largest_std = self._of_q(options.max_position_std_m, options.max_angle_std_rad)
         self._motion = MotionModel(believed, options)
         scale = camera.metres_per_pixel(float(layout.height_m.mean()))
         self._scale_m_px = scale
@@ -71,18 +73,20 @@ class Tracker:
         self.detector = Detector(layout, layout.radius_m / scale)
         self._filtered: Gaussian | None = None
         self._seen_s = -np.inf
-        self._seen_px = no_labels()
+        self._seen_px = no_labels(layout.count)
         self._misfits = 0
 
-    def assume(self, time_s: float, q: FloatArray, theta2_rate_rad_s: float = 0.0) -> None:
+    def assume(
+        self, time_s: float, q: FloatArray, trailer_rate_rad_s: FloatArray | float = 0.0
+    ) -> None:
         """Say where the robot was put down, roughly; it counts as lost until it is seen.
 
         Args:
             time_s: when.
-            q: (4,) the pose.
-            theta2_rate_rad_s: how fast the trailer turned, of a start in motion.
+            q: (3 + n,) the pose.
+            trailer_rate_rad_s: (n,) how fast the trailers turned, of a start in motion.
         """
-        self._filtered = self._first(time_s, q, theta2_rate_rad_s, PUT_DOWN_STD)
+        self._filtered = self._first(time_s, q, trailer_rate_rad_s, PUT_DOWN_STD)
 
     def follow(self, frames: Iterable[Frame], now_s: float) -> TrackEstimate:
         """Work in the frames that have arrived by now, perhaps none, and answer for now."""
@@ -105,7 +109,7 @@ class Tracker:
             sighting = self._follow(image, time_s)
         if self.status is Status.LOST:
             sighting = self._acquire(image, time_s) or sighting
-        self.sighting = sighting or Sighting()
+        self.sighting = sighting or Sighting.of_none(self.layout.count)
         return self.sighting
 
     def miss(self, time_s: float) -> None:
@@ -118,16 +122,17 @@ class Tracker:
     def estimate(self, time_s: float) -> TrackEstimate:
         """The state at a time, normally now: the filtered one carried over the commands since."""
         if self._filtered is None:
-            unknown = np.full(4, np.nan)
+            unknown = np.full(self._width, np.nan)
             return TrackEstimate(unknown, unknown, np.diag(unknown), False, Status.LOST, np.inf, 0)
         now = self._at(time_s)
-        covariance = now.covariance[:4, :4]
+        width = self._width
+        covariance = now.covariance[:width, :width]
         sure = (np.sqrt(covariance.diagonal()) <= self._largest_std).all()
-        twist = now.mean[DELTA1:THETA2_RATE] + self.commands.twist(time_s)
-        workspace_rate = np.append(twist, now.mean[THETA2_RATE])
+        twist = now.mean[width : width + 2] + self.commands.twist(time_s)
+        workspace_rate = np.concatenate([twist, now.mean[width + 2 :]])
         return TrackEstimate(
-            q=now.mean[:4].copy(),
-            q_rate=q_rate(now.mean[:4], workspace_rate),
+            q=now.mean[:width].copy(),
+            q_rate=q_rate(now.mean[:width], workspace_rate),
             covariance=covariance,
             valid=bool(sure) and self.status is not Status.LOST,
             status=self.status,
@@ -137,7 +142,7 @@ class Tracker:
 
     def sighted_pose(self) -> LabelPose | None:
         """The pose from the labels of the last frame alone; None if it showed too few."""
-        if self.sighting is None or self.sighting.labels < MIN_LABELS:
+        if self.sighting is None:
             return None
         pixels = self.sighting.found_px
         found = np.isfinite(pixels[:, :1])
@@ -154,7 +159,7 @@ class Tracker:
     def _follow(self, image: Pixels, time_s: float) -> Sighting | None:
         """Look where the labels should be, and update; None where regions would be too wide."""
         prior = self._at(time_s)
-        expected = self.camera.project(self.layout.centres_m(prior.mean[:4]))
+        expected = self.camera.project(self.layout.centres_m(prior.mean[: self._width]))
         search = self._search_px(prior)
         if search > MAX_SEARCH_PX:
             self.status = Status.LOST
@@ -163,7 +168,7 @@ class Tracker:
         self._filtered = prior
         if not found.any() or self._is_frozen(centres, found, expected):
             self._expire(time_s)
-            return Sighting(no_labels(), expected, search)
+            return Sighting(no_labels(self.layout.count), expected, search)
         used = self._update(prior, centres, found)
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
@@ -175,7 +180,7 @@ class Tracker:
         return Sighting(centres, expected, search)
 
     def _update(self, prior: Gaussian, centres: FloatArray, found: BoolArray) -> BoolArray:
-        """Kalman's update with the labels that pass the gate (4,)."""
+        """Kalman's update with the labels that pass the gate (labels,)."""
         points = self.camera.to_plane(np.where(found[:, None], centres, 0.0), self.layout.height_m)
         self._filtered, used = update(
             prior, points, found, self.layout, self._noise_m2, self._options.gate_chi2
@@ -185,30 +190,40 @@ class Tracker:
     def _acquire(self, image: Pixels, time_s: float) -> Sighting | None:
         """Look everywhere, and start afresh from what looks like the robot."""
         candidates = self.detector.search(image)
-        points = self.camera.to_plane(candidates.centre_px, self.layout.height_m[candidates.label])
+        points = self.camera.to_plane(candidates.centre_px, self.layout.height_m[candidates.hue])
         got = constellation.choose(candidates, points, self.layout)
         if got is None:
             return None
         pose, index = got
-        q, rate = pose.q, 0.0
+        q, rate = pose.q, np.zeros(self._trailers)
         if self._filtered is not None:
             last = self._at(time_s).mean
-            q[2:] = unwrap_near(q[2:], last[2:4])
-            rate = float(last[THETA2_RATE])
+            q[2:] = unwrap_near(q[2:], last[2 : self._width])
+            rate = last[self._width + 2 :]
         prior = self._first(time_s, q, rate, SIGHTED_STD)
-        centres = no_labels()
+        centres = no_labels(self.layout.count)
         centres[index >= 0] = candidates.centre_px[index[index >= 0]]
         self._update(prior, centres, index >= 0)
         self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
-        return Sighting(centres)
+        return Sighting(centres, no_labels(self.layout.count))
 
     def _first(
-        self, time_s: float, q: FloatArray, theta2_rate_rad_s: float, pose_std: FloatArray
+        self,
+        time_s: float,
+        q: FloatArray,
+        trailer_rate_rad_s: FloatArray | float,
+        pose_std: tuple[float, float],
     ) -> Gaussian:
-        """A state of which only the pose (4,) is known, and how well (4,)."""
-        mean = np.array([*q, 0.0, 0.0, theta2_rate_rad_s])
-        std = np.array([*pose_std, *self._motion.deviation, FIRST_RATE_STD_RAD_S])
+        """A state of which only the pose is known, and how well."""
+        rate = np.full(self._trailers, trailer_rate_rad_s)
+        mean = np.concatenate([q, [0.0, 0.0], rate])
+        swing = np.full(self._trailers, FIRST_RATE_STD_RAD_S)
+        std = np.concatenate([self._of_q(*pose_std), self._motion.deviation, swing])
         return Gaussian(time_s, mean, np.diag(std**2))
+
+    def _of_q(self, position_m: float, angle_rad: float) -> FloatArray:
+        """(3 + n,) one number for x and y, one for all angles."""
+        return np.array([position_m] * 2 + [angle_rad] * (1 + self._trailers))
 
     def _expire(self, time_s: float) -> None:
         """Turn blind, then lost, when nothing was seen for long."""
@@ -220,8 +235,9 @@ class Tracker:
     def _search_px(self, prior: Gaussian) -> float:
         """How far from its predicted place a label may be."""
         variance = prior.covariance.diagonal()
-        reach2 = (self.layout.offset_m**2).sum(axis=1).max()
-        spread = np.sqrt(variance[0] + variance[1] + reach2 * max(variance[2], variance[3]))
+        reach2 = self.layout.furthest_m2.max()
+        angles = variance[2 : self._width].max()
+        spread = np.sqrt(variance[0] + variance[1] + reach2 * angles)
         return MIN_SEARCH_PX + SEARCH_SIGMAS * float(spread) / self._scale_m_px
 
     def _is_frozen(self, centres: FloatArray, found: BoolArray, expected: FloatArray) -> bool:

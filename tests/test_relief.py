@@ -1,0 +1,269 @@
+"""Ground that is not flat: its heights, robots on it, and what is said when they do not stand."""
+
+from pathlib import Path
+
+import cv2
+import mujoco
+import numpy as np
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.terrain import Kerb, Terrain
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.contact import ContactPlant
+from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.results.metrics import score
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.robot import OUTDOOR_SCALE, Hitch, RobotParameters
+from ttwmr_mj.runs.batch import run_batch
+from ttwmr_mj.state import RobotState
+
+ROLLING = Terrain(rms_height_m=0.004, correlation_length_m=0.4, half_size_m=2.0, seed=3)
+COARSE = ContactOptions(timestep_s=0.001, contact_time_constant_s=0.002)
+
+
+def test_random_terrain_has_the_height_and_the_correlation_it_is_asked_for() -> None:
+    wide = Terrain(rms_height_m=0.01, correlation_length_m=0.5, half_size_m=15.0, seed=1)
+    heights = wide.heights_m()
+    assert np.sqrt((heights**2).mean()) == pytest.approx(0.01, rel=1e-12)
+    assert heights.mean() == pytest.approx(0.0, abs=1e-12)
+    lag = round(0.5 / (30.0 / wide.cells))
+    for a, b in ((heights[:, lag:], heights[:, :-lag]), (heights[lag:], heights[:-lag])):
+        # 3600 patches of a correlation length: two per cent, and the lag is rounded to the grid
+        assert (a * b).mean() / 1e-4 == pytest.approx(np.exp(-1.0), abs=0.08)
+    assert np.array_equal(heights, wide.heights_m())
+    other = wide.model_copy(update={"seed": 2}).heights_m()
+    assert abs((other * heights).mean()) < 2e-5
+
+
+def test_the_model_has_the_terrain_and_the_kerbs() -> None:
+    kerb = Kerb(height_m=0.003, x_m=1.0, y_m=0.5, length_m=0.4, width_m=0.1, angle_rad=0.5 * np.pi)
+    ground = Ground(terrain=ROLLING, kerbs=(kerb,))
+    model = build_model(RobotParameters(), COARSE, ground)
+    relief, grid = Relief(model), ROLLING.heights_m()
+    nodes = np.linspace(-2.0, 2.0, ROLLING.cells + 1)
+    x, y = np.meshgrid(nodes, nodes)
+    points = np.stack([x, y], axis=-1)
+    on = (np.abs(x - 1.0) <= 0.05) & (np.abs(y - 0.5) <= 0.2)
+    assert on.any()
+    # single precision in the model
+    expected = np.where(on, np.maximum(grid, 0.003), grid)
+    assert relief.at(points) == pytest.approx(expected, abs=1e-8)
+    middle = 0.25 * (grid[3, 4] + grid[3, 5] + grid[4, 4] + grid[4, 5])
+    between = np.array([nodes[4] + nodes[5], nodes[3] + nodes[4]]) / 2.0
+    assert relief.at(between) == pytest.approx(middle, abs=1e-8)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    geom = np.zeros(1, dtype=np.int32)
+    for point in ([0.31, -0.72], [1.02, 0.55], [-1.3, 1.1]):
+        start = np.array([*point, 1.0])
+        down, group = np.array([0.0, 0.0, -1.0]), np.array([1, 0, 0, 0, 0, 0], dtype=np.uint8)
+        fall = mujoco.mj_ray(model, data, start, down, group, 1, -1, geom)
+        # triangles against the bilinear surface between the same nodes, 5 cm apart
+        assert 1.0 - fall == pytest.approx(float(relief.at(np.array(point))), abs=2e-4)
+    assert Relief(build_model(RobotParameters(), COARSE)).flat
+
+
+def test_a_picture_is_terrain(tmp_path: Path) -> None:
+    picture = np.zeros((20, 30), dtype=np.uint8)
+    picture[:, 15:] = 200  # the east is high
+    picture[:5] += 40  # and the north a little
+    cv2.imwrite(str(tmp_path / "hills.png"), picture)
+    (tmp_path / "hills.toml").write_text(
+        'name = "hills"\nduration_s = 1.0\n[initial]\nkind = "at_rest"\n[reference]\n'
+        'kind = "none"\n'
+        '[controller]\nkind = "open_loop"\nsegments = [{duration_s = 1.0, wheel_right_rad_s = 0.0, '
+        "wheel_left_rad_s = 0.0}]\n[ground.terrain]\nrms_height_m = 0.005\nhalf_size_m = 1.0\n"
+        'png_path = "hills.png"\n'
+    )
+    scenario = tt.load_scenario(tmp_path / "hills.toml")
+    model = build_model(scenario.robot, COARSE, scenario.ground)
+    relief = Relief(model)
+    east, west, north = (relief.at(np.array(p)) for p in ([0.9, -0.5], [-0.9, -0.5], [0.9, 0.9]))
+    assert float(east - west) > 0.008
+    assert north > east
+    assert np.sqrt((relief.heights_m**2).mean()) == pytest.approx(0.005, rel=1e-5)
+    (tmp_path / "hills.png").write_bytes(b"no picture")
+    with pytest.raises(InputError, match="png_path"):
+        build_model(scenario.robot, COARSE, scenario.ground)
+
+
+def test_robots_start_at_rest_on_rolling_ground_where_they_are_told() -> None:
+    robot = RobotParameters(preset="outdoor")
+    plant = ContactPlant(robot, COARSE, 3, ground=Ground(terrain=ROLLING))
+    start = RobotState.at_rest(0.0, 0.0, 0.0, 0.0, 3)
+    start.q[:] = [[0.3, 0.2, 1.0, 1.4], [-0.6, 0.4, -2.0, -1.0], [0.0, -0.9, 0.3, 2.0]]
+    plant.reset(start)
+    assert plant.state().q == pytest.approx(start.q, abs=1e-6)
+    footing = plant.footing()
+    assert footing.wheels_on_floor.tolist() == [2, 2, 2]
+    # the tractor stands across 0.27 m of heights that differ by a few mm
+    assert np.abs(footing.height_m).max() < 0.006
+    assert footing.tilt_rad.max() < 0.05
+    plant.advance(np.zeros((3, 2)), 200)
+    # nothing falls or rattles: it may creep downhill with free balls, at a few mm/s
+    assert np.abs(plant.state().q - start.q)[:, :3].max() < 0.005
+    readings = plant.contact_readings()
+    assert (readings[:, 2:, 0] > 0).mean() > 0.6
+
+
+def test_gimballed_and_rigid_hitches_are_the_same_on_a_plane() -> None:
+    ends = []
+    for gimballed in (False, True):
+        hitch = Hitch(gimballed=gimballed)
+        plant = ContactPlant(RobotParameters(hitch=hitch), COARSE)
+        plant.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.5))
+        plant.advance(np.array([[4.0, 2.0]]), 600)
+        ends.append(plant.state().q[0])
+    # soft contacts of a body in one piece and of two
+    assert ends[0] == pytest.approx(ends[1], abs=2e-3)
+
+
+def test_the_outdoor_robot_is_table_i_by_similarity() -> None:
+    small, large, scale = RobotParameters(), RobotParameters(preset="outdoor"), OUTDOOR_SCALE
+    assert large.tractor.wheel_radius_m == pytest.approx(0.060)
+    assert large.casters.radius_m == 0.040
+    assert large.swing_length_m == pytest.approx(scale * small.swing_length_m)
+    assert large.swing_inertia_kg_m2 == pytest.approx(scale**5 * small.swing_inertia_kg_m2)
+    # Froude: speed over the square root of gravity times length
+    speeds = [r.servo.speed_limit_rad_s * r.tractor.wheel_radius_m for r in (small, large)]
+    fast = 40.0 / 6.5
+    assert speeds[1] == pytest.approx(fast * speeds[0] * np.sqrt(scale))
+    weight = large.tractor.mass_kg / small.tractor.mass_kg
+    torque = large.servo.stall_torque_n_m / small.servo.stall_torque_n_m
+    assert torque == pytest.approx(weight * scale)
+    given = RobotParameters.model_validate({"preset": "outdoor", "trailer": {"mass_kg": 5.0}})
+    assert given.trailer.mass_kg == 5.0
+    assert given.trailer.com_offset_m == large.trailer.com_offset_m
+    model = build_model(large, COARSE)
+    label = model.site("label_trailer_rear").pos[0]
+    assert label == pytest.approx(-0.195 * scale)
+
+
+def test_terrains_of_several_seeds_run_in_one_batch() -> None:
+    sets = ["duration_s=0.5", "controller={kind='flatness'}"]
+    scenarios = [
+        tt.load_scenario("outdoor_circle", [*sets, f"ground.terrain.seed={seed}"])
+        for seed in (1, 2)
+    ]
+    together = run_batch(scenarios)
+    alone = [tt.simulate(scenario) for scenario in scenarios]
+    for one, other in zip(together, alone, strict=True):
+        assert np.array_equal(one.trajectory.q, other.trajectory.q)
+        assert np.array_equal(one.trajectory.height_m, other.trajectory.height_m)
+    assert not np.array_equal(together[0].trajectory.q, together[1].trajectory.q)
+
+
+@pytest.mark.parametrize(
+    ("change", "key"),
+    [
+        ("ground.terrain.rms_height_m=0.002", "ground.terrain"),
+        (
+            "ground.kerbs=[{height_m=0.002,x_m=0.5,y_m=0.0,length_m=0.3,width_m=0.02}]",
+            "ground.kerbs",
+        ),
+    ],
+)
+def test_models_without_a_third_dimension_refuse_relief(change: str, key: str) -> None:
+    tt.load_scenario("lab_circle", [change])
+    with pytest.raises(InputError, match=key):
+        tt.load_scenario("lab_circle", [change, "plant.kind='analytic'"])
+
+
+def test_a_kerb_lifts_the_larger_robot_and_stops_small_balls() -> None:
+    """A ball of 8 mm meets a kerb of 3 mm at 51°, one of 40 mm at 22°."""
+    kerb = Ground(kerbs=(Kerb(height_m=0.003, x_m=0.5, y_m=0.0, length_m=0.4, width_m=1.0),))
+    ends = []
+    for robot in (RobotParameters(), RobotParameters(preset="outdoor")):
+        plant = ContactPlant(robot, COARSE, ground=kerb)
+        plant.reset(RobotState.at_rest(0.0, 0.0, 0.0, 0.0))
+        over_plane = []
+        for _ in range(80):
+            plant.advance(np.full((1, 2), 0.2 / robot.tractor.wheel_radius_m), 33)
+            x = plant.state().q[0, 0]
+            over_plane.append(plant.footing().height_m[0] + (0.003 if 0.3 < x < 0.7 else 0.0))
+        ends.append(x)
+    assert ends[0] < 0.3
+    assert ends[1] > 0.4
+    assert max(over_plane) == pytest.approx(0.003, abs=1e-3)
+
+
+COARSE_STEPS = ["plant.contact.timestep_s=0.01", "control.sampling_time_s=0.03"]
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "words"),
+    [
+        (["plant.contact.contact_time_constant_s=0.02", *COARSE_STEPS], "tipped_over", "tilted by"),
+        (COARSE_STEPS, "off_the_ground", "P rose by"),
+        (
+            ["robot.trailer.mass_kg=900.0", "robot.trailer.yaw_inertia_kg_m2=900.0"],
+            "off_the_ground",
+            "a wheel was off the ground at",
+        ),
+        (
+            [
+                "robot.servo.velocity_gain_n_m_s_rad=1e4",
+                "robot.servo.stall_torque_n_m=1000.0",
+                "robot.servo.acceleration_limit_rad_s2=1e5",
+            ],
+            "diverged",
+            "left the ground",
+        ),
+    ],
+)
+def test_robots_that_no_longer_stand_are_told(changes: list[str], verdict: str, words: str) -> None:
+    """Physics steps too coarse for the contacts, a trailer heavy enough to lift the tractor, and a
+    servo that throws it."""
+    scenario = tt.load_scenario("sim_circle", ["duration_s=3.0", *changes])
+    result = tt.simulate(scenario)
+    assert result.verdicts[0].name == verdict
+    assert words in result.verdicts[0].what
+    metrics, rows = score(result.trajectory, scenario.robot)[0], result.trajectory
+    assert metrics["tilt_max_rad"] == rows.tilt_rad.max()
+    assert metrics["height_max_m"] == rows.height_m.max()
+    assert metrics["airborne_share"] == (rows.wheels_on_floor < 2).mean()
+    assert metrics["slipping_share"] == (rows.wheel_slip_m_s > 0.03).mean()
+
+
+def test_a_robot_that_stands_is_not_told_of() -> None:
+    result = tt.simulate(tt.load_scenario("sim_circle", ["duration_s=2.0"]))
+    rows = result.trajectory
+    assert rows.tilt_rad.max() < 1e-3
+    assert np.abs(rows.height_m).max() < 1e-5
+    assert rows.wheels_on_floor.min() == 2
+    assert rows.wheel_slip_m_s.max() < 0.01
+    analytic = tt.simulate(
+        tt.load_scenario("sim_circle", ["duration_s=0.5", "plant.kind='analytic'"])
+    )
+    assert np.isnan(analytic.trajectory.tilt_rad).all()
+    assert score(analytic.trajectory, analytic.scenario.robot)[0]["airborne_share"] is None
+
+
+def test_wheels_that_slip_or_lift_are_named_with_a_loss() -> None:
+    from ttwmr_mj.results.verdict import judge
+
+    result = tt.simulate(tt.load_scenario("sim_circle", ["duration_s=2.0"]))
+    rows, robot = result.trajectory, result.scenario.robot
+    rows.q[:, :, 0] += 1.0
+    rows.wheel_slip_m_s[::2] = 0.05
+    rows.wheels_on_floor[::10] = 1.0
+    verdict = judge(rows, robot)
+    assert verdict.name == "lost"
+    assert "wheels slipped at 51 % of the samples" in verdict.what
+    assert "a wheel was off the ground at 11 % of the samples" in verdict.what
+
+
+def test_older_trajectories_without_a_footing_are_read(tmp_path: Path) -> None:
+    import pyarrow.parquet as pq
+
+    rows = tt.simulate(tt.load_scenario("sim_circle", ["duration_s=0.2"])).trajectory
+    table = rows.to_table()
+    older = table.drop_columns(["tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s"])
+    pq.write_table(table, tmp_path / "now.parquet")
+    pq.write_table(older, tmp_path / "older.parquet")
+    assert np.array_equal(Trajectory.read(tmp_path / "now.parquet").height_m, rows.height_m)
+    assert np.isnan(Trajectory.read(tmp_path / "older.parquet").height_m).all()
