@@ -4,9 +4,9 @@
 
 The scenario `inverted_trailer` with the true state, on contact physics, 20 s. The trailer is pushed
 along x for 0.2 s, once a run, at 6 s and i/phases of a turn later. One batch holds all phases. Each
-run counts as lost in two ways: by its verdict (docs/verdict.md), for which a trailer that turned
-over once is lost, and at the end alone: P, the trailer's COM or θ2 beyond their `end_*` limits in
-the last fifth of the time. The last line is JSON.
+run counts as lost in two ways: by its verdict (docs/reference/verdict.md), for which a trailer that
+turned over once is lost, and at the end alone: P, the trailer's COM or θ2 beyond their `end_*`
+limits in the last fifth of the time. The last line is JSON.
 """
 
 from __future__ import annotations

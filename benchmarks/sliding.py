@@ -1,4 +1,4 @@
-"""Filippov's solutions of laws (32) and (47), seen by ever smaller steps: docs/theory.md.
+"""Filippov's solutions of laws (32) and (47), seen by ever smaller steps: docs/theory/limits.md.
 
     python benchmarks/sliding.py
 

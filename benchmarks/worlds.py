@@ -3,11 +3,11 @@
     python benchmarks/worlds.py laws [--only TEXT ...] [--worlds lab] [--jobs 2]
 
 Each cell is one run of a shipped scenario, seed 0, three times: in the kind world, with
-`world = "lab"` (docs/world.md), and there with a law that learns slope, rolling resistance and
-friction of the hitch; only the first two where the law cannot learn. A cell says what it measures
-in mm, F, P or both (rms over the second half: of the trailer's centre of oscillation and of the
-point between the wheels), or P, the trailer's COM [mm] and the larger angle error [°] at the end;
-"lost" and the like are said where the verdict is not "followed". The tables are in
+`world = "lab"` (docs/howto/world.md), and there with a law that learns slope, rolling resistance
+and friction of the hitch; only the first two where the law cannot learn. A cell says what it
+measures in mm, F, P or both (rms over the second half: of the trailer's centre of oscillation and
+of the point between the wheels), or P, the trailer's COM [mm] and the larger angle error [°] at
+the end; "lost" and the like are said where the verdict is not "followed". The tables are in
 `worlds_tables.py`. The last line is JSON.
 """
 

@@ -7,11 +7,15 @@ A page says where a table goes: between <!-- table: NAME --> and <!-- end -->.
 
 from __future__ import annotations
 
+import argparse
 import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
+from scenario_tables import scenario_keys
+
+from ttwmr_mj.cli.engine import add_subcommand, load_subcommands
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.motor import Motor
 from ttwmr_mj.references.shared.reference import REFERENCES
@@ -21,7 +25,7 @@ from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario import worlds
 
-PAGES = sorted(Path(__file__).parent.glob("*.md"))
+PAGES = sorted(Path(__file__).parent.rglob("*.md"))
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
 
 
@@ -78,7 +82,32 @@ def metrics() -> str:
     return "\n".join(rows) + "\n"
 
 
+def commands() -> str:
+    """Every command with its arguments and options, as its help has them."""
+    parsers = argparse.ArgumentParser().add_subparsers()
+    found = []
+    for name, kind in sorted(load_subcommands("ttwmr_mj.cli.commands").items()):
+        add_subcommand(parsers, name, kind)
+        parser = parsers.choices[name]
+        rows = ["| argument | meaning |", "|---|---|"]
+        rows += [option_row(action) for action in parser._actions if action.dest != "help"]
+        found.append(f"## `ttwmr {name}`\n\n{parser.description}\n\n" + "\n".join(rows))
+    return "\n\n".join(found) + "\n"
+
+
+def option_row(action: argparse.Action) -> str:
+    """An argument or option with the values that it takes."""
+    value = "" if action.nargs == 0 else str(action.metavar or action.dest.upper())
+    if action.choices:
+        value = "{" + ",".join(map(str, action.choices)) + "}"
+    typed = ", ".join(action.option_strings)
+    words = f"{typed} {value}".strip() if typed else action.metavar or action.dest
+    return f"| `{words}` | {' '.join((action.help or '').split())} |".replace("\\|", "|")
+
+
 TABLES = {
+    "scenario": scenario_keys,
+    "commands": commands,
     "metrics": metrics,
     "lab": lab,
     "unkind": unkind,

@@ -296,7 +296,7 @@ def test_an_impossible_row_is_refused() -> None:
 
 
 def test_the_example_in_the_docs_runs(capsys: pytest.CaptureFixture[str]) -> None:
-    page = (HERE.parent / "docs" / "throughput.md").read_text(encoding="utf-8")
+    page = (HERE.parent / "docs" / "howto" / "throughput.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python\n(.*?)^```", page, flags=re.M | re.S)
     exec(code, {})  # ours
     assert len(capsys.readouterr().out.splitlines()) == 6

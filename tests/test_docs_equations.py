@@ -12,10 +12,13 @@ import pytest
 from ttwmr_mj.studies.reproduce.errata import errata_markdown
 
 DOCS = Path(__file__).resolve().parent.parent / "docs"
+MAP = DOCS / "reference" / "equations.md"
 ROWS = [
     (numbers.strip(), re.findall(r"`([^`]+)`", where))
     for numbers, where in re.findall(
-        r"^\| ([\d-]+) \|.*\| (.*) \|$", (DOCS / "equations.md").read_text("utf-8"), re.MULTILINE
+        r"^\| ([\d-]+) \|.*\| (.*) \|$",
+        (DOCS / "reference" / "equations.md").read_text("utf-8"),
+        re.MULTILINE,
     )
 ]
 NAMES = sorted({name for _, names in ROWS for name in names})
@@ -63,4 +66,4 @@ def _mentions(text: str, number: int) -> bool:
 
 
 def test_the_errata_page_is_the_one_the_code_writes() -> None:
-    assert (DOCS / "errata.md").read_text("utf-8") == errata_markdown()
+    assert (DOCS / "theory" / "errata.md").read_text("utf-8") == errata_markdown()

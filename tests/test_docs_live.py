@@ -1,4 +1,4 @@
-"""docs/live.md: its commands parse, its Python runs, its clip is small and moves."""
+"""docs/howto/live.md: its commands parse, its Python runs, its clip is small and moves."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ttwmr_mj.recording import live, viewer
 from ttwmr_mj.recording.video.film import FPS, SIZE_PX
 from ttwmr_mj.runs.pace import BEHIND_S
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "live.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "howto" / "live.md"
 TEXT = PAGE.read_text(encoding="utf-8")
 
 
@@ -52,7 +52,7 @@ def test_its_numbers_are_the_codes() -> None:
 
 
 def test_its_clip_is_small_and_moves() -> None:
-    (name,) = re.findall(r"\]\((images/[^)]+\.gif)\)", TEXT)
+    (name,) = re.findall(r"\]\((\.\./images/[^)]+\.gif)\)", TEXT)
     clip = PAGE.parent / name
     assert clip.stat().st_size < 3_000_000
     stream = cv2.VideoCapture(str(clip))

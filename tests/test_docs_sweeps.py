@@ -20,7 +20,7 @@ from ttwmr_mj.studies.sweep.plan.checks import check_plan
 from ttwmr_mj.studies.sweep.plan.file import SweepFile, load_sweep, shipped_sweeps
 
 ROOT = Path(__file__).resolve().parent.parent
-PAGE = (ROOT / "docs" / "sweeps.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "howto" / "sweeps.md").read_text(encoding="utf-8")
 
 
 def blocks(language: str) -> list[str]:

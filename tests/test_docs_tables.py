@@ -16,14 +16,14 @@ DOCS = Path(__file__).resolve().parent.parent / "docs"
 TABLES = runpy.run_path(str(DOCS / "tables.py"))
 
 
-@pytest.mark.parametrize("page", sorted(DOCS.glob("*.md")), ids=lambda page: page.name)
+@pytest.mark.parametrize("page", sorted(DOCS.rglob("*.md")), ids=lambda page: page.name)
 def test_a_page_is_up_to_date(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
     assert TABLES["filled"](text) == text, "run python docs/tables.py"
 
 
 def test_every_table_has_a_place() -> None:
-    pages = {path.name: path.read_text(encoding="utf-8") for path in DOCS.glob("*.md")}
+    pages = {path.name: path.read_text(encoding="utf-8") for path in DOCS.rglob("*.md")}
     places = [name for page in pages.values() for _, name, _ in TABLES["PLACE"].findall(page)]
     assert sorted(places) == sorted(TABLES["TABLES"])
     page = pages["controllers.md"]
@@ -34,7 +34,7 @@ def test_every_table_has_a_place() -> None:
 
 
 def test_the_page_on_verdicts_tells_of_every_shipped_scenario() -> None:
-    page = (DOCS / "verdict.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "verdict.md").read_text(encoding="utf-8")
     for name in shipped_scenarios():
         said = load_scenario(name).accept.verdict
         row = next(
@@ -46,6 +46,6 @@ def test_the_page_on_verdicts_tells_of_every_shipped_scenario() -> None:
 def test_the_page_on_metrics_tells_of_every_number_of_a_run(tmp_path: Path) -> None:
     lean = ["duration_s=0.5", "plant.kind=analytic", "output.recording=false"]
     run = tt.run(tt.load_scenario("lab_circle", [*lean, "output.figures=false"]), tmp_path / "run")
-    page = (DOCS / "metrics.md").read_text(encoding="utf-8")
+    page = (DOCS / "reference" / "metrics.md").read_text(encoding="utf-8")
     assert {name for name in run.metrics if f"`{name}`" not in page} == set()
     assert "| `control_effort` | rad²/s | ∫ (ω_r² + ω_l²) commanded dt | 8-9 | " in page

@@ -17,7 +17,7 @@ from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.recording.video.stage import Stage
 from ttwmr_mj.robot import RobotParameters
 
-PAGE = Path(__file__).resolve().parent.parent / "docs" / "ground.md"
+PAGE = Path(__file__).resolve().parent.parent / "docs" / "howto" / "ground.md"
 
 
 @pytest.fixture(scope="module")

@@ -91,7 +91,7 @@ def test_the_lab_servo_holds_the_trailer_inside_the_circle() -> None:
 
 @pytest.mark.parametrize("name", ["inverted_trailer", "outer_circle"])
 def test_a_pushed_trailer_is_caught(name: str) -> None:
-    """0.5 N for 0.2 s, which the law without ways back does not survive: docs/controllers.md."""
+    """0.5 N for 0.2 s, which the law without ways back does not survive."""
     push = '[{on="trailer", start_s=2.5, duration_s=0.2, force_n=[0.5, 0.0]}]'
     errors = centre_errors_mm(
         drive(
@@ -184,7 +184,8 @@ def test_who_believes_less_friction_feeds_less_forward() -> None:
 
 
 def test_every_command_in_the_page_on_controllers_is_valid() -> None:
-    page = (Path(__file__).resolve().parent.parent / "docs" / "controllers.md").read_text("utf-8")
+    docs = Path(__file__).resolve().parent.parent / "docs"
+    page = (docs / "theory" / "controllers.md").read_text("utf-8")
     blocks = re.findall(r"^```sh\n(.*?)^```", page, flags=re.M | re.S)
     lines = [line for block in blocks for line in block.splitlines()]
     assert len(lines) >= 8

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import open_folder, results_folder
@@ -11,18 +12,25 @@ from ttwmr_mj.studies.compare.pair import run_pair as compare
 __all__ = ["compare", "run", "simulate"]
 
 
-def simulate(scenario: Scenario, nsim: int = 1, *, scenario_folder: Path | None = None) -> Result:
+def simulate(
+    scenario: Scenario,
+    nsim: int = 1,
+    *,
+    controller: Controller | None = None,
+    scenario_folder: Path | None = None,
+) -> Result:
     """Run a scenario in memory; nothing is written.
 
     Args:
         scenario: what to run.
         nsim: simulations in the batch; they differ by their sensors' noise only.
+        controller: a law of your own, which drives instead of the scenario's.
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
         InputError: the scenario cannot be built.
     """
-    return Experiment(scenario, scenario_folder, nsim).run()
+    return Experiment(scenario, scenario_folder, nsim, controller).run()
 
 
 def run(

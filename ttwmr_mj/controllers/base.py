@@ -93,10 +93,12 @@ class Controller(ABC):
         """Wheel speeds from sample k (time k·T) until the next."""
 
     @staticmethod
-    def plain(wheel_speed_rad_s: FloatArray) -> Command:
+    def plain(
+        wheel_speed_rad_s: FloatArray, signals: Mapping[str, FloatArray] | None = None
+    ) -> Command:
         """A command without flags, for laws that speak in wheel speeds themselves."""
         clear = np.zeros(wheel_speed_rad_s.shape[0], dtype=np.bool_)
-        return Command(wheel_speed_rad_s, saturated=clear, near_singular=clear)
+        return Command(wheel_speed_rad_s, clear, clear, signals or {})
 
 
 class ControllerOptions(Config):

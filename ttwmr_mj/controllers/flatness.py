@@ -35,7 +35,7 @@ limits (`transition`), and from its end the reference. Farther off, model predic
 back (`recovery`; with recovery = "own" nothing else does); meanwhile a follows what P really does,
 with a' = 0, so that the law goes on from there. Measured with "own", on contact physics, trailer
 inside a circle of 0.6 m at 1 rad/s, in a grid of starts up to 0.3 m and 90 degrees off:
-docs/controllers.md.
+docs/theory/controllers.md.
 """
 
 from dataclasses import replace

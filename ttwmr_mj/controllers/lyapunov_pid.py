@@ -13,7 +13,7 @@ the defaults are as printed, except for `singular_terms` (`controllers.lyapunov`
 
 Two facts to know before use. The correction rotates (e2, e4) at the rate α·γ, for α2 = α4 = α, and
 is zero where e2 = e4 = 0: it cannot move the trailer of a tractor that tracks. And with γ exact the
-direction of (e2, e4) runs into D = 0, where the solution ends (docs/errata.md).
+direction of (e2, e4) runs into D = 0, where the solution ends (docs/theory/errata.md).
 """
 
 from __future__ import annotations

@@ -34,7 +34,7 @@ kind = "truth"                   # or "camera", which sees coloured labels
 [plant]
 kind = "contact"                 # MuJoCo's contact physics; or "analytic", the article's equations
 
-# When the run counts as a success: docs/verdict.md has all limits.
+# When the run counts as a success: docs/reference/verdict.md has all limits.
 [accept]
 end_tractor_m = 0.05
 """

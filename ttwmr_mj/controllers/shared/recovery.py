@@ -11,7 +11,7 @@ change hands at every sample. Each simulation decides for itself.
 Nothing is proven of either level: the limits of the servos are not in V, and the plans, which know
 them, have no proof far off (`mpc`). V tells well, though: of 24 pushes of 0.5 N on a trailer inside
 the circle, the gains of `tvlqr` alone recover from all that leave V ≤ 100, and lose all that leave
-it at 117 or more. What the plans recover from: docs/controllers.md, "Pushes at every phase".
+it at 117 or more. What the plans recover from: docs/theory/controllers.md, "Pushes at every phase".
 """
 
 from __future__ import annotations

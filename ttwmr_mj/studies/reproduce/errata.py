@@ -20,7 +20,7 @@ ERRATA = tuple(Erratum(**entry) for entry in read_toml(__package__, "errata.toml
 
 
 def errata_markdown() -> str:
-    """docs/errata.md."""
+    """docs/theory/errata.md."""
     parts = [
         "# Errata of the article\n",
         "Each entry is proved by sympy in `ttwmr_mj.studies.reproduce.proofs.proofs`; "

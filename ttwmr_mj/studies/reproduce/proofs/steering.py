@@ -1,4 +1,4 @@
-"""Why no γ that cancels in V' can steer the trailer (docs/theory.md)."""
+"""Why no γ that cancels in V' can steer the trailer (docs/theory/limits.md)."""
 
 import sympy as sp
 
