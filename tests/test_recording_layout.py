@@ -24,6 +24,7 @@ from recordings import (
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.vision.camera.labels import read_layout
 
 MOTION = {
     "plots/x": "x of P [mm]",
@@ -187,11 +188,7 @@ def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> 
 
     path = tmp_path / "track.rrd"
     camera = SimpleNamespace(project=lambda points: points[:, :2])
-    labels = SimpleNamespace(
-        centres_m=lambda _: np.zeros((4, 3)),
-        height_m=np.array([0.1, 0.1, 0.1, 0.1]),
-        names=("front", "back", "trailer_front", "trailer_back"),
-    )
+    labels = read_layout(robot_model())
     q = np.array([0.1, -0.2, 0.3, -0.4])
     estimates = [
         SimpleNamespace(q=np.full(4, np.nan), status="lost", covariance=np.eye(8)),

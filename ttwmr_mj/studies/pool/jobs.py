@@ -108,7 +108,7 @@ def _context(preload: Sequence[str]) -> Any:
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload([load.__module__])
+    context.set_forkserver_preload(["ttwmr_mj.studies.pool.preloaded"])
     return context
 
 

@@ -1,0 +1,12 @@
+"""Imports what all jobs need, once in the server that their processes are forked from, and nowhere else.
+
+The server would end with what such an import raises, as MuJoCo's does of a wrong MUJOCO_GL. Here it
+goes on, and every job's process tries again and can say so.
+"""
+
+from contextlib import suppress
+
+from ttwmr_mj.studies.pool.preload import load
+
+with suppress(Exception):
+    load()
