@@ -1,4 +1,4 @@
-"""Imports what all jobs need, once in the server that their processes are forked from, and nowhere else.
+"""Imports what all jobs need, once, in the server that their processes are forked from.
 
 The server would end with what such an import raises, as MuJoCo's does of a wrong MUJOCO_GL. Here it
 goes on, and every job's process tries again and can say so.
