@@ -16,6 +16,7 @@ from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.motor import Motor
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.results.accept import AcceptOptions
+from ttwmr_mj.results.metrics import METRICS, QUANTITIES
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario import worlds
@@ -65,7 +66,20 @@ def unkind() -> str:
     return "\n".join(rows) + "\n"
 
 
+def metrics() -> str:
+    """The metrics, as they are computed."""
+    rows = ["| name | unit | formula | Eq. | what it is |", "|---|---|---|---|---|"]
+    for name, metric in METRICS.items():
+        second = "over the second half: " if name.startswith("steady_") else ""
+        formula = metric.formula.replace("|", "\\|")
+        equations = QUANTITIES[metric.of].equations
+        meaning = f"{second}{metric.meaning}"
+        rows.append(f"| `{name}` | {metric.unit} | {formula} | {equations} | {meaning} |")
+    return "\n".join(rows) + "\n"
+
+
 TABLES = {
+    "metrics": metrics,
     "lab": lab,
     "unkind": unkind,
     "controllers": lambda: kinds(CONTROLLERS),

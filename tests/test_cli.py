@@ -16,6 +16,7 @@ import pytest
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.references.shared.reference import REFERENCES
+from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.suite import shipped_suites
 from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
@@ -94,7 +95,7 @@ def test_the_same_command_gives_the_same_bytes_of_numbers(tmp_path: Path) -> Non
     for name in ("a", "b"):
         noisy = ["--set", "sensing.position_noise_m=0.002"]
         done = ttwmr("run", "lab_circle", *QUICK, *noisy, "--out", name, "--quiet", cwd=tmp_path)
-        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+        assert (done.returncode, done.stdout, done.stderr) == (0, f"{name}\n", "")
         files.append((tmp_path / name / "trajectory.parquet").read_bytes())
     assert files[0] == files[1]
 
@@ -122,8 +123,9 @@ def test_a_folder_that_holds_something_is_refused_without_force(tmp_path: Path) 
         (["validate", "lab_circle", "missing.toml"], "missing.toml: no such scenario"),
         (["view", "missing.rrd"], "missing.rrd: no such file"),
         (["view"], "no recording under results/"),
-        (["fly"], "invalid choice"),
-        ([], "the following arguments are required"),
+        (["runn"], "there is no command 'runn'; did you mean 'run'?"),
+        (["fly"], "there is no command 'fly'; there are bench, "),
+        (["--fly"], "the following arguments are required"),
     ],
 )
 def test_wrong_input_is_exit_code_2_and_one_readable_block(
@@ -145,7 +147,20 @@ def test_debug_shows_the_traceback(tmp_path: Path) -> None:
 
 def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
     done = ttwmr("validate", *shipped_scenarios(), cwd=tmp_path)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout) == (0, "")
+    # what a shipped scenario says of itself
+    told = {line.split(": ")[2] for line in done.stderr.splitlines()}
+    lost = {n for n in shipped_scenarios() if "lost" in load_scenario(n).accept.verdict}
+    assert told == {"figure_eight", "spline"}
+    assert told <= lost
+
+
+def test_without_a_command_there_are_three_to_try(tmp_path: Path) -> None:
+    done = ttwmr(cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "usage: ttwmr" in done.stdout
+    tried = done.stdout.partition("three to try:")[2].split("\n  ttwmr ")[1:]
+    assert [words.split()[0] for words in tried] == ["run", "view", "list"]
 
 
 def _description(path: Path) -> str:
@@ -155,24 +170,30 @@ def _description(path: Path) -> str:
 def test_list_names_every_scenario_and_kind_with_its_description(tmp_path: Path) -> None:
     done = ttwmr("list", cwd=tmp_path)
     assert done.returncode == 0
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    metrics = {name: f"{m.meaning} [{m.unit}]" for name, m in METRICS.items()}
+    metrics = {name: text for name, text in metrics.items() if not name.startswith("steady_")}
+    column = max(map(len, [*metrics, *shipped_scenarios()])) + 4
     listed: dict[str, dict[str, str]] = {}
     for line in filter(None, done.stdout.splitlines()):
         if not line.startswith("  "):
-            entries = listed.setdefault(line, {})
+            entries = listed.setdefault(line.partition(":")[0], {})
+            continue
+        assert line[column - 1] == " " != line[column]
+        name, text = line[:column].strip(), line[column:]
+        if name:
+            last = name
+            entries[name] = text
         else:
-            name, _, text = line.strip().partition("  ")
-            entries[name] = text.strip()
+            entries[last] += f" {text}"
     assert listed == {
         "scenarios": {name: load_scenario(name).description for name in shipped_scenarios()},
-        "sweeps": {name: _description(path) for name, path in shipped_sweeps().items()},
+        "laws": {kind: cls.summary() for kind, cls in CONTROLLERS.items()},
+        "references": {kind: cls.summary() for kind, cls in REFERENCES.items()},
         "suites": {name: _description(path) for name, path in shipped_suites().items()},
-        "controller.kind": {kind: cls.summary() for kind, cls in CONTROLLERS.items()},
-        "reference.kind": {kind: cls.summary() for kind, cls in REFERENCES.items()},
+        "sweeps": {name: _description(path) for name, path in shipped_sweeps().items()},
+        "metrics": metrics,
     }
-    files = [*shipped_scenarios(), *shipped_sweeps(), *shipped_suites()]
-    column = max(map(len, files)) + 4
-    rows = [line for line in done.stdout.splitlines() if line.startswith("  ")]
-    assert all(line[column - 1] == " " != line[column] for line in rows)
 
 
 def test_export_schema_is_json_schema(tmp_path: Path) -> None:

@@ -19,6 +19,8 @@ from ttwmr_mj.cli.commands.doctor import Doctor
 from ttwmr_mj.cli.commands.drive import DriveCommand
 from ttwmr_mj.cli.commands.export_schema import ExportSchema
 from ttwmr_mj.cli.commands.list import List
+from ttwmr_mj.cli.commands.new import New
+from ttwmr_mj.cli.commands.plan import PlanCommand
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
 from ttwmr_mj.cli.commands.sweep import Sweep
@@ -38,6 +40,8 @@ NAMES = (
     "drive",
     "export-schema",
     "list",
+    "new",
+    "plan",
     "reproduce",
     "run",
     "sweep",
@@ -79,8 +83,8 @@ EVERYTHING = {
         **OVERRIDES,
         **FOLDER,
     ),
-    f"validate a.toml b.toml {SHARED} --debug": Validate(
-        scenarios=("a.toml", "b.toml"), debug=True, **OVERRIDES
+    f"validate a.toml b.toml {SHARED} --load --debug": Validate(
+        scenarios=("a.toml", "b.toml"), run_code=True, debug=True, **OVERRIDES
     ),
     f"compare a {SHARED} --mode closed_loop --real-wheels --no-attribution --converge --fit "
     "--validate-on b --tolerance t.toml --out o --force --quiet --live=web --pace 2 "
@@ -137,6 +141,24 @@ EVERYTHING = {
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
     ),
+    "new mine --controller --out o --force --debug": New(
+        wanted="mine", controller=True, out=Path("o"), force=True, debug=True
+    ),
+    f"plan a.svg {SHARED} --out o.csv --force --closed --duration 9 --scenario s --workspace 2 1 "
+    "--hitch-angle 90 --scale 0.01 --quiet --debug": PlanCommand(
+        points=Path("a.svg"),
+        out=Path("o.csv"),
+        force=True,
+        closed=True,
+        duration=9.0,
+        scenario="s",
+        workspace=(2.0, 1.0),
+        hitch_angle=90.0,
+        scale=0.01,
+        quiet=True,
+        debug=True,
+        **OVERRIDES,
+    ),
     "list --debug": List(debug=True),
     "view r.rrd --web --debug": View(recording=Path("r.rrd"), web=True, debug=True),
     "doctor --debug": Doctor(debug=True),
@@ -180,6 +202,16 @@ NOTHING = {
     "drive": {"scenario": "lab_circle", "live": "auto", "longest": 600.0},
     "video r": {"out": Path("run.mp4"), "view": "both", "speed": 1.0, "start": 0.0, "stop": None},
     "export-schema": {"out": None},
+    "new a": {"wanted": "a", "controller": False, "out": Path()},
+    "plan a": {
+        "points": Path("a"),
+        "closed": False,
+        "duration": None,
+        "scenario": None,
+        "workspace": (),
+        "hitch_angle": 115.0,
+        "scale": 1e-3,
+    },
 }
 
 

@@ -244,7 +244,7 @@ def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> 
     ("options", "message"),
     [
         (Options(mode="closed_loop", real_wheels=True), "--real-wheels"),
-        (Options(validate_on="waypoints"), "add --fit"),
+        (Options(validate_on="spline"), "add --fit"),
         (Options(fit=True, validate_on="open_loop_turn"), "on another scenario"),
     ],
 )

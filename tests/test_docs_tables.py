@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+import ttwmr_mj as tt
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.scenario.file import load_scenario
@@ -40,3 +41,11 @@ def test_the_page_on_verdicts_tells_of_every_shipped_scenario() -> None:
             line for line in page.splitlines() if line.startswith("|") and f"`{name}`" in line
         )
         assert row.split(" | ")[1] == VERDICTS[said][0]
+
+
+def test_the_page_on_metrics_tells_of_every_number_of_a_run(tmp_path: Path) -> None:
+    lean = ["duration_s=0.5", "plant.kind=analytic", "output.recording=false"]
+    run = tt.run(tt.load_scenario("lab_circle", [*lean, "output.figures=false"]), tmp_path / "run")
+    page = (DOCS / "metrics.md").read_text(encoding="utf-8")
+    assert {name for name in run.metrics if f"`{name}`" not in page} == set()
+    assert "| `control_effort` | rad²/s | ∫ (ω_r² + ω_l²) commanded dt | 8-9 | " in page

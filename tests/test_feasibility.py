@@ -17,7 +17,8 @@ from ttwmr_mj.references.figure_eight import FigureEight
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
 from ttwmr_mj.references.planned import Knots, Planned, shipped_plans
-from ttwmr_mj.references.shared.feasibility import Demand, Feasibility, _forces, check_feasibility
+from ttwmr_mj.references.shared.demand import Demand, Feasibility
+from ttwmr_mj.references.shared.feasibility import _forces, check_feasibility
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo, Trailer
 
@@ -93,9 +94,12 @@ def test_an_undefined_trailer_is_said_to_be() -> None:
 
 @pytest.mark.parametrize("name", shipped_plans())
 def test_shipped_plans_are_feasible(name: str) -> None:
-    robot = LAB if name.endswith("_lab") else FAST
+    robot, workspace_m = LAB if name.endswith("_lab") else FAST, (1.4, 1.0)
+    if name == "waypoints_lab":
+        robot = LAB.model_copy(update={"hitch": Hitch(damping_n_m_s_rad=1e-3)})
+        workspace_m = (1.8, 1.3)
     path = Planned(plan=name).sample(np.arange(0.0, 40.0, 0.01), robot)
-    verdict = check_feasibility(path, robot, workspace_m=(1.4, 1.0))
+    verdict = check_feasibility(path, robot, workspace_m=workspace_m)
     assert verdict.feasible, str(verdict)
     # what the optimiser was told, with the spline's overshoot between knots
     assert np.abs(path.theta_rate[..., 1]).max() <= 3.0 + 1e-3
@@ -107,10 +111,12 @@ def test_a_plan_ends_at_rest_or_goes_round(name: str) -> None:
     plan = Planned(plan=name)
     end = Knots.read(name).duration_s
     path = plan.sample(np.array([0.0, end - 1e-9, end, end + 0.5, end + 1.0]), FAST)
-    if name.startswith("figure_eight"):
-        assert path.q[2] == pytest.approx(path.q[0], abs=1e-9)
+    if name.startswith(("figure_eight", "waypoints")):
+        whole = 2.0 * np.pi * (name == "waypoints_lab") * np.array([0.0, 0.0, 1.0, 1.0])
+        assert path.q[2] == pytest.approx(path.q[0] + whole, abs=1e-9)
         later = plan.sample(np.array([0.5, 1.0]), FAST)
-        assert path.q[3:] == pytest.approx(later.q, abs=1e-9)
+        assert path.q[3:] == pytest.approx(later.q + whole, abs=1e-9)
+        assert path.q_rate[3:] == pytest.approx(later.q_rate, abs=1e-9)
     else:
         assert path.q_rate[[0, 1, 3]] == pytest.approx(0.0, abs=1e-6)
         assert path.q[4] == pytest.approx(path.q[2], abs=1e-12)
@@ -278,9 +284,11 @@ def test_a_file_that_is_no_plan_says_why(tmp_path: Path) -> None:
 
 def test_the_planner_makes_what_is_shipped(tmp_path) -> None:  # type: ignore[no-untyped-def]
     pytest.importorskip("casadi")
-    from ttwmr_mj.planning.__main__ import PLANS, write
+    from ttwmr_mj.planning.__main__ import PLANS, ROBOT
+    from ttwmr_mj.planning.knots import write_knots
 
-    made = write("rest_to_rest", PLANS["rest_to_rest"](), tmp_path)
+    made = tmp_path / "rest_to_rest.csv"
+    write_knots(made, PLANS["rest_to_rest"](), ROBOT, "a test")
     again = Planned(plan=str(made)).sample(TIME, FAST)
     shipped = Planned(plan="rest_to_rest").sample(TIME, FAST)
     assert again.q == pytest.approx(shipped.q, abs=1e-4)  # another solver build, another rounding

@@ -94,6 +94,8 @@ def test_a_viewer_that_fails_costs_the_run_nothing(fate: str, tmp_path: Path) ->
     with LiveView(spy(code, tmp_path / "seen")) as live:
         if fate == "killed":
             os.kill(live._process.pid, signal.SIGKILL)
+        if fate == "dead":  # before the run, however slow the machine
+            live._process.wait(60.0)
         live.finish = live._ended.set  # type: ignore[method-assign]  # no grace at the end
         done = run_scenario(scenario, tmp_path, live=live, pace=Pace(0.0, report_every_s=0.02))
         assert live.alive == (fate == "deaf")

@@ -143,7 +143,7 @@ def test_undefined_is_none_and_never_zero() -> None:
     rows = two()
     nowhere = replace(rows, ref_q=np.full_like(rows.q, np.nan))
     got = score(nowhere, ROBOT)[0]
-    of_reference = [name for name, metric in METRICS.items() if "reference" in metric.meaning]
+    of_reference = [name for name, metric in METRICS.items() if "its reference" in metric.meaning]
     of_reference += [f"{steady}theta{i}_rmse_rad" for steady in ("", "steady_") for i in (1, 2)]
     assert [name for name, value in got.items() if value is None] == [
         name for name in METRICS if name in of_reference
@@ -175,3 +175,18 @@ def test_samples_without_a_value_are_left_out() -> None:
     assert got["tractor_max_error_m"] == 0.5
     assert got["tractor_final_error_m"] is None
     assert got["iae_m_s"] == pytest.approx(0.1 * (0.25 + 0.3))
+
+
+def test_a_unit_is_that_of_the_name() -> None:
+    ends = {"_m_s2": "m·s²", "_m_s": "m·s", "_rad_s": "rad/s", "_rad": "rad", "_share": "1"}
+    ends |= {"_m": "m", "_s": "s", "control_effort": "rad²/s"}
+    for name, metric in METRICS.items():
+        assert metric.unit == next(unit for end, unit in ends.items() if name.endswith(end)), name
+        assert metric.formula
+
+
+def test_a_robot_that_stands_where_it_shall_is_not_near_a_singularity() -> None:
+    rows = two()
+    rows.ref_q_rate[:, 0, :2] = 0.0
+    rows.ref_q_rate[3, 0, 0] = 0.1
+    assert score(rows, ROBOT)[0]["near_singular_share"] == pytest.approx(0.2)

@@ -16,10 +16,13 @@ from ttwmr_mj.scenario.file import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+PAGES = ("README.md", *(f"docs/{name}.md" for name in ("scenarios", "plan", "camera", "article")))
+PAGES = (*PAGES, "docs/measured.md", "docs/metrics.md")
 
 
-def blocks(language: str) -> list[str]:
-    return re.findall(rf"^```{language}\n(.*?)^```", README, flags=re.M | re.S)
+def blocks(language: str, page: str = "README.md") -> list[str]:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```", text, flags=re.M | re.S)
 
 
 def run_python(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
@@ -45,38 +48,61 @@ def test_the_examples_use_the_public_api_only() -> None:
         assert used
 
 
-@pytest.mark.parametrize("index", range(len(blocks("toml"))))
-def test_scenario_examples_are_valid(index: int, tmp_path: Path) -> None:
-    (tmp_path / "mine.toml").write_text(blocks("toml")[index])
-    load_scenario(str(tmp_path / "mine.toml"))
+@pytest.mark.parametrize("page", PAGES)
+def test_scenario_examples_are_valid(page: str, tmp_path: Path) -> None:
+    for block in blocks("toml", page):
+        (tmp_path / "mine.toml").write_text(block)
+        load_scenario(str(tmp_path / "mine.toml"))
+
+
+@pytest.mark.slow
+def test_the_complete_scenario_is_followed_by_tractor_and_trailer(tmp_path: Path) -> None:
+    """1.8 and 0.8 mm, as the page says."""
+    (tmp_path / "my_circle.toml").write_text(blocks("toml")[0])
+    scenario = load_scenario(str(tmp_path / "my_circle.toml"))
+    result = ttwmr_mj.simulate(scenario)
+    (metrics,) = ttwmr_mj.score(result.trajectory, scenario.robot)
+    assert result.verdicts[0].name == "followed"
+    assert metrics["steady_tractor_rmse_m"] == pytest.approx(1.8e-3, rel=0.1)
+    assert metrics["steady_centre_of_oscillation_rmse_m"] == pytest.approx(0.8e-3, rel=0.1)
 
 
 def test_the_controller_example_works_in_under_40_lines(tmp_path: Path) -> None:
     controller = blocks("python")[1]
     assert len(controller.splitlines()) < 40
     (tmp_path / "chase.py").write_text(controller)
-    (tmp_path / "chase.toml").write_text(blocks("toml")[2])
+    (tmp_path / "chase.toml").write_text(blocks("toml")[1])
     command = [sys.executable, "-m", "ttwmr_mj", "run", "chase.toml", "--out", "out"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    # it does chase: within 0.1 m of a reference that moves at 54 mm/s, by gain 0.8 1/s
-    final = re.search(r"P, final error\s+([\d.]+) mm", done.stdout)
-    assert final
-    assert float(final.group(1)) < 100.0
+    assert done.stdout.startswith("followed: ")
+    # as the page says: 0.02 mm, and the trailer is carried along within 7 mm
+    for name, most_mm in (("P", 0.03), ("trailer's F", 7.5)):
+        found = re.search(rf"{name}, rms error, 2nd half\s+([\d.]+) mm", done.stdout)
+        assert found
+        assert float(found.group(1)) < most_mm
 
 
-def test_every_command_line_in_the_readme_parses() -> None:
-    lines = [line.split("#")[0].split() for block in blocks("sh") for line in block.splitlines()]
-    commands = [words[1:] for words in lines if words[:1] == ["ttwmr"]]
-    assert len(commands) >= 5
-    for words in commands:
+@pytest.mark.parametrize("page", PAGES)
+def test_every_command_line_parses(page: str) -> None:
+    lines = [line for block in blocks("sh", page) for line in block.splitlines()]
+    commands = [line.split("#")[0].split()[1:] for line in lines if line.startswith("ttwmr ")]
+    assert commands or page not in PAGES[:1]
+    for words in filter(None, commands):
         parse(words)  # argparse leaves with SystemExit on what it does not know
 
 
-def test_every_file_the_readme_links_exists() -> None:
-    links = re.findall(r"\]\((?!http)([^)#]+)\)", README)
+@pytest.mark.parametrize("page", PAGES)
+def test_every_file_that_is_linked_exists(page: str) -> None:
+    path = ROOT / page
+    links = re.findall(r"\]\((?!http)([^)#]+)\)", path.read_text(encoding="utf-8"))
     assert links
-    assert [link for link in links if not (ROOT / link).exists()] == []
+    assert [link for link in links if not (path.parent / link).exists()] == []
+
+
+def test_the_drawing_is_what_its_script_draws() -> None:
+    drawn = runpy.run_path(str(ROOT / "docs" / "drawing.py"))["drawing"]()
+    assert (ROOT / "docs" / "images" / "robot.svg").read_text(encoding="utf-8") == drawn
 
 
 def test_bootstrap_knows_both_commands_and_names_them() -> None:

@@ -127,7 +127,7 @@ def test_the_picture_of_every_third_frame_whatever_the_chunks() -> None:
             else None
         ),
     )
-    view = CameraView(stream, None, None, show_every=3)
+    view = CameraView(stream, None, SimpleNamespace(names=()), show_every=3)
     frame = SimpleNamespace(image=np.zeros((4, 4, 3), np.uint8), truth=None)
     unseen = SimpleNamespace(q=np.full(4, np.nan), status="tracking")
     records = [
@@ -188,7 +188,9 @@ def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> 
     path = tmp_path / "track.rrd"
     camera = SimpleNamespace(project=lambda points: points[:, :2])
     labels = SimpleNamespace(
-        centres_m=lambda _: np.zeros((4, 3)), height_m=np.array([0.1, 0.1, 0.1, 0.1])
+        centres_m=lambda _: np.zeros((4, 3)),
+        height_m=np.array([0.1, 0.1, 0.1, 0.1]),
+        names=("front", "back", "trailer_front", "trailer_back"),
     )
     q = np.array([0.1, -0.2, 0.3, -0.4])
     estimates = [

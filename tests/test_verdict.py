@@ -9,7 +9,8 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.references.flat_circle import FlatCircle
-from ttwmr_mj.references.shared.feasibility import Demand, Feasibility, check_feasibility
+from ttwmr_mj.references.shared.demand import Demand, Feasibility
+from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, AcceptOptions
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import RobotParameters, Servo

@@ -9,6 +9,11 @@ from typing import Any, NoReturn
 from ttwmr_mj.cli import engine
 from ttwmr_mj.errors import RunError, TtwmrError
 
+TRY = """three to try:
+  ttwmr run lab_circle           drive the laboratory's circle, in contact physics
+  ttwmr view                     look at the recording of it
+  ttwmr list                     what else there is: scenarios, laws, references, studies
+"""
 EXAMPLES = """examples:
   ttwmr run lab_circle                     a shipped scenario, by name
   ttwmr run my.toml --out results/mine     a scenario of your own
@@ -38,7 +43,11 @@ def main(words: Sequence[str] | None = None) -> int:
 
 
 def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
-    """The subcommand that the words (None: of this process) ask for, with its options."""
+    """The subcommand that the words (None: of this process) ask for, with its options.
+
+    Without words it prints the help and leaves with 0.
+    """
+    words = sys.argv[1:] if words is None else words
     parser = argparse.ArgumentParser(
         prog="ttwmr",
         description="A tractor towing a trailer on spherical wheels: models and contact physics.",
@@ -47,9 +56,24 @@ def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
     )
     parser.add_argument("--version", action=_Version, help="print the version and exit")
     subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
-    for name, kind in engine.load_subcommands("ttwmr_mj.cli.commands").items():
+    known = engine.load_subcommands("ttwmr_mj.cli.commands")
+    for name, kind in known.items():
         engine.add_subcommand(subparsers, name, kind)
+    if not words:
+        print(f"{parser.format_help()}\n{TRY}", end="")
+        parser.exit()
+    if not words[0].startswith("-") and words[0] not in known:
+        parser.error(
+            f"there is no command {words[0]!r}{_like(words[0], list(known))}; ttwmr --help"
+        )
     return engine.parse(parser, words)
+
+
+def _like(word: str, known: list[str]) -> str:
+    import difflib
+
+    close = difflib.get_close_matches(word, known, n=1)
+    return f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(known)}"
 
 
 def _interrupt(signum: int, frame: Any) -> NoReturn:

@@ -21,7 +21,7 @@ SCENARIO = "a TOML file, or the name of a shipped scenario"
 class Quiet(Subcommand):
     """Subcommands that show progress and print results."""
 
-    quiet: bool = option("print nothing but errors")
+    quiet: bool = option("print nothing but errors and where the results are")
 
 
 class NewFolder(Quiet):

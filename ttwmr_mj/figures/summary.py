@@ -11,10 +11,11 @@ import numpy as np
 
 from ttwmr_mj.figures import style
 from ttwmr_mj.figures.canvas import canvas, save
+from ttwmr_mj.figures.silhouettes import apart, draw_direction, draw_silhouettes
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA2, FloatArray
+from ttwmr_mj.state import THETA2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -127,49 +128,13 @@ def _draw_paths(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParamet
             )
     axes.plot(*p.T, color=style.TRACTOR, label="tractor (P)")
     axes.plot(*com.T, color=style.TRAILER, label="trailer (COM)")
-    _draw_silhouettes(axes, run, robot)
+    alive = np.flatnonzero(np.isfinite(run.q[:, 0]).all(axis=1))
+    rows = alive[np.unique(apart(run.q[alive, 0, :2], POSES))]
+    draw_silhouettes(axes, run.q[rows, 0], robot)
+    for row in rows[:-1]:
+        draw_direction(axes, run.q[row:, 0, :2])
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [m]", ylabel="y [m]")
-
-
-def _draw_silhouettes(axes: Axes, run: Trajectory, robot: RobotParameters) -> None:
-    """The robot at a few times, later ones darker, with the direction it drives in."""
-    from ttwmr_mj.plants.contact_options import ContactOptions
-    from ttwmr_mj.plants.mjcf import build_model
-    from ttwmr_mj.plants.outline import silhouettes
-
-    alive = np.flatnonzero(np.isfinite(run.q[:, 0]).all(axis=1))
-    rows = alive[np.unique(_apart(run.q[alive, 0, :2], POSES))]
-    q = run.q[rows, 0]
-    shapes = silhouettes(build_model(robot, ContactOptions()), q)
-    shades = np.linspace(0.25, 0.75, len(rows))
-    for name, corners in shapes.items():
-        colour = style.TRACTOR if name == "tractor" else style.TRAILER
-        for shade, corner in zip(shades, corners, strict=True):
-            axes.fill(*corner.T, color=colour, alpha=shade, linewidth=0.4, zorder=3)
-    for row in rows[:-1]:
-        _draw_direction(axes, run.q[row:, 0, :2])
-
-
-def _draw_direction(axes: Axes, path: FloatArray, length_m: float = 0.12) -> None:
-    """An arrow head on the path, a little ahead of its start."""
-    gone = np.hypot(*(path - path[0]).T)
-    ahead = np.flatnonzero(gone > length_m)
-    if ahead.size:
-        at = int(ahead[0])
-        axes.annotate(
-            "",
-            xy=path[at],
-            xytext=path[max(at - max(at // 8, 1), 0)],
-            arrowprops={"arrowstyle": "-|>", "color": style.TRACTOR, "linewidth": 1.1},
-        )
-
-
-def _apart(points_m: FloatArray, count: int) -> FloatArray:
-    """Rows that split a path into pieces of equal length, its first and last among them."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
-    rows = np.searchsorted(along, np.linspace(0.0, along[-1], count))
-    return np.asarray(np.minimum(rows, len(points_m) - 1))
 
 
 def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:

@@ -7,10 +7,12 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.planning.figure_eight import plan_figure_eight
+from ttwmr_mj.planning.knots import write_knots
+from ttwmr_mj.planning.limits import limits_of
 from ttwmr_mj.planning.rest_to_rest import plan_rest_to_rest
-from ttwmr_mj.planning.transcription import STATES, Limits, Plan
-from ttwmr_mj.references.planned import COLUMNS
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.planning.through_points import Request, plan_through
+from ttwmr_mj.planning.transcription import Limits, Plan
+from ttwmr_mj.robot import Hitch, RobotParameters
 
 ROBOT = RobotParameters()
 # Shares of the servo presets' limits, so that feedback has the rest: of the fast one's 40 rad/s and
@@ -21,28 +23,19 @@ LAB = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0)
 LAB_MOVING = Limits(wheel_speed_rad_s=5.2, wheel_acceleration_rad_s2=15.0, speed_m_s=(0.03, 1.0))
 START, ASIDE, CORNER = (-0.4, -0.2, 0.0), (0.4, 0.2, 0.0), (0.35, 0.2, 0.5 * np.pi)
 
+COURSE = ((0.45, 0.0), (0.3, 0.35), (-0.1, 0.2), (-0.45, 0.3), (-0.4, -0.25), (0.15, -0.35))
+DAMPED = RobotParameters(hitch=Hitch(damping_n_m_s_rad=1e-3))  # as scenarios/waypoints.toml has it
+
 PLANS: dict[str, Callable[[], Plan]] = {
     "figure_eight": lambda: plan_figure_eight(ROBOT, FAST_MOVING, 12.0),
     "figure_eight_lab": lambda: plan_figure_eight(ROBOT, LAB_MOVING, 30.0),
     "rest_to_rest": lambda: plan_rest_to_rest(ROBOT, FAST, START, ASIDE, 6.0, 0.1),
     "rest_to_rest_lab": lambda: plan_rest_to_rest(ROBOT, LAB, START, ASIDE, 12.0, 0.05),
+    "waypoints_lab": lambda: (
+        plan_through(Request(np.array(COURSE), closed=True), DAMPED, limits_of(DAMPED, 0.9)).plan
+    ),
     "quarter_turn": lambda: plan_rest_to_rest(ROBOT, FAST, START, CORNER, 6.0, 0.1),
 }
-
-
-def write(name: str, plan: Plan, folder: Path) -> Path:
-    """The plan as a table of knots, with how it was made above it."""
-    round_trip = np.allclose(plan.state[0, :STATES], plan.state[-1, :STATES], atol=1e-6)
-    notes = [
-        f"made by: python -m ttwmr_mj.planning {name}",
-        f"swing_length_m: {ROBOT.swing_length_m!r}",
-        f"ends: {'as it began' if round_trip else 'at rest'}",
-    ]
-    rows = np.column_stack([plan.time_s, plan.state[:, :4]])
-    path = folder / f"{name}.csv"
-    header = "\n".join([*(f"# {note}" for note in notes), ",".join(COLUMNS)])
-    np.savetxt(path, rows, delimiter=",", fmt="%.12g", header=header, comments="")
-    return path
 
 
 def main() -> None:
@@ -57,7 +50,8 @@ def main() -> None:
         parser.error(f"no plan called {', '.join(unknown)}; there are {', '.join(PLANS)}")
     for name in arguments.names or PLANS:
         plan = PLANS[name]()
-        path = write(name, plan, arguments.out)
+        path = arguments.out / f"{name}.csv"
+        write_knots(path, plan, ROBOT, f"python -m ttwmr_mj.planning {name}")
         print(f"{path}: {plan.time_s.size} knots, {plan.iterations} iterations")
 
 

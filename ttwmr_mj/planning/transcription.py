@@ -4,7 +4,7 @@ States (9): x, y, θ1, θ2, θ̇2, u1, u2 and their rates u̇1, u̇2; input (2):
 knots. So wheel speeds are twice continuously differentiable, P three times, and the fourth
 derivative of P is continuous. The trailer swings by Eq. 24 and 27-28,
 
-    θ̈2 = (u1·u2·cos φ − u̇1·sin φ)/k − c·φ'/J,      φ = θ2 − θ1.
+    θ̈2 = (u1·u2·cos φ − u̇1·sin φ)/k − (k_t·φ + c_t·φ')/J,      φ = θ2 − θ1.
 
 Classical Runge-Kutta from knot to knot: with knots 50 ms apart, to 1e-6.
 """
@@ -62,14 +62,17 @@ class Plan:
 def rate_of(state: Any, jerk: Any, robot: RobotParameters) -> Any:
     """d/dt of the state, symbolic."""
     phi = state[THETA2] - state[THETA1]
-    damping = robot.hitch.damping_n_m_s_rad / robot.swing_inertia_kg_m2
+    hitch = robot.hitch
+    torque = hitch.damping_n_m_s_rad * (state[RATE] - state[U2])
+    if hitch.stiffness_n_m_rad:  # else φ may turn round and round
+        torque = torque + hitch.stiffness_n_m_rad * phi
     swing = state[U1] * state[U2] * ca.cos(phi) - state[A1] * ca.sin(phi)
     return ca.vertcat(
         state[U1] * ca.cos(state[THETA1]),
         state[U1] * ca.sin(state[THETA1]),
         state[U2],
         state[RATE],
-        swing / robot.swing_length_m - damping * (state[RATE] - state[U2]),
+        swing / robot.swing_length_m - torque / robot.swing_inertia_kg_m2,
         state[A1],
         state[A2],
         jerk[0],
@@ -77,16 +80,17 @@ def rate_of(state: Any, jerk: Any, robot: RobotParameters) -> Any:
     )
 
 
-def knot_to_knot(robot: RobotParameters, step_s: float) -> Any:
-    """CasADi function (state, jerk at the start, jerk at the end) → next state."""
+def knot_to_knot(robot: RobotParameters) -> Any:
+    """CasADi function (state, jerk at the start, jerk at the end, time step) → next state."""
     state, first, last = ca.MX.sym("x", STATES), ca.MX.sym("j", INPUTS), ca.MX.sym("l", INPUTS)
+    step_s = ca.MX.sym("h")
     middle = 0.5 * (first + last)
     k1 = rate_of(state, first, robot)
     k2 = rate_of(state + 0.5 * step_s * k1, middle, robot)
     k3 = rate_of(state + 0.5 * step_s * k2, middle, robot)
     k4 = rate_of(state + step_s * k3, last, robot)
     after = state + step_s / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return ca.Function("knot_to_knot", [state, first, last], [after])
+    return ca.Function("knot_to_knot", [state, first, last, step_s], [after])
 
 
 def solve(
@@ -113,8 +117,9 @@ def solve(
     problem = ca.Opti()
     n = time_s.size
     states, jerks = problem.variable(STATES, n), problem.variable(INPUTS, n)
-    step = knot_to_knot(robot, float(time_s[1] - time_s[0])).map(n - 1)
-    problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:]))
+    step, step_s = knot_to_knot(robot).map(n - 1), float(time_s[1] - time_s[0])
+    steps = ca.repmat(step_s, 1, n - 1)
+    problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
     _bound(problem, states, robot, limits)
     ends(problem, states, jerks)
     problem.minimize(cost(states, jerks))

@@ -24,7 +24,7 @@ ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
 AT_REST = [(order, np.zeros(4)) for order in (1, 2, 3)]
 LENGTH_TOLERANCE_M = 1e-4  # of the swing length; a wrong one moves F by the difference
-PLANS = "python -m ttwmr_mj.planning writes such files; shipped plans have no ending"
+PLANS = "`ttwmr plan` writes such files; shipped plans have no ending"
 
 
 def shipped_plans() -> list[str]:
@@ -75,11 +75,30 @@ class Knots:
         """Of the plan, or of one round."""
         return float(self.time_s[-1])
 
-    def spline(self) -> BSpline:
-        """(4,) x, y, θ1, θ2 over time."""
+    def orders(self, time_s: FloatArray) -> FloatArray:
+        """(ORDERS, n, 4) x, y, θ1, θ2 and their derivatives at times (n,)."""
+        spline = self._spline()
+        within = time_s if self.periodic else np.minimum(time_s, self.duration_s)
+        orders = np.stack([spline(within, order) for order in range(ORDERS)])
+        if self.periodic:
+            orders[0] += self._turn_rate_rad_s * time_s[:, None]
+            orders[1] += self._turn_rate_rad_s
+        else:
+            orders[1:, time_s > self.duration_s] = 0.0
+        return orders
+
+    @property
+    def _turn_rate_rad_s(self) -> FloatArray:
+        """(4,) that of angles which a round adds whole turns to, over all of it."""
+        turns = np.rint((self.q[-1] - self.q[0]) / (2.0 * np.pi)) * [0.0, 0.0, 1.0, 1.0]
+        return np.asarray(2.0 * np.pi * turns / self.duration_s)
+
+    def _spline(self) -> BSpline:
+        """(4,) x, y, θ1, θ2 over time, without whole turns."""
         if not self.periodic:
             return make_interp_spline(self.time_s, self.q, k=DEGREE, bc_type=(AT_REST, AT_REST))
-        closed = np.concatenate([self.q[:-1], self.q[:1]])  # equal but for rounding: it insists
+        q = self.q - self._turn_rate_rad_s * (self.time_s - self.time_s[0])[:, None]
+        closed = np.concatenate([q[:-1], q[:1]])  # equal but for rounding: it insists
         spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
         spline.extrapolate = "periodic"
         return spline
@@ -97,7 +116,7 @@ class Planned(Reference):
     kind: Literal["planned"] = "planned"
     plan: str = Field(
         description="a shipped plan (figure_eight, rest_to_rest, …), or a .csv file written "
-        "by python -m ttwmr_mj.planning"
+        "by `ttwmr plan`"
     )
 
     @field_validator("plan")
@@ -109,7 +128,7 @@ class Planned(Reference):
         """No such plan, a damaged one, or one for another robot."""
         key, got = ("plan",), repr(self.plan)
         if not self.plan.endswith(".csv") and self.plan not in shipped_plans():
-            allowed = f"{', '.join(shipped_plans())}, or a file of python -m ttwmr_mj.planning"
+            allowed = f"{', '.join(shipped_plans())}, or a .csv file of `ttwmr plan`"
             return [Fault(key=key, got=got, allowed=allowed)]
         try:
             plan = Knots.read(self.plan)
@@ -121,18 +140,13 @@ class Planned(Reference):
             f"was made for a trailer with l + J2/(m2·l) = {plan.swing_length_m:g} m; this one has "
             f"{robot.swing_length_m:g} m"
         )
-        hint = "restore robot.trailer, or make a plan for this robot: python -m ttwmr_mj.planning"
+        hint = "restore robot.trailer, or make a plan for this robot: `ttwmr plan`"
         return [Fault(key=key, got=got, problem=problem, hint=hint)]
 
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
         """The reference at times (n,) [s], with a batch axis of one."""
-        plan = Knots.read(self.plan)
-        spline = plan.spline()
         time_s = np.asarray(time_s, dtype=np.float64)
-        within = time_s if plan.periodic else np.minimum(time_s, plan.duration_s)
-        orders = np.stack([spline(within, order) for order in range(ORDERS)])
-        if not plan.periodic:
-            orders[1:, time_s > plan.duration_s] = 0.0
+        orders = Knots.read(self.plan).orders(time_s)
         position = np.moveaxis(orders[..., :2], 0, 1)
         theta = np.moveaxis(orders[..., 2:], 0, 1)
         return ReferencePath(

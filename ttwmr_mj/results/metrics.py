@@ -17,6 +17,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
+RESTING_M_S = 1e-3  # a reference that is slower rests
 SETTLED_M = 0.01  # a run has settled when P stays this close to its reference until the end
 
 Metrics = dict[str, float | None]
@@ -60,6 +61,23 @@ def _settling_time(error: FloatArray, time_s: FloatArray) -> float | None:
     return float(time_s[outside[-1] + 1]) if outside.size else float(time_s[0])
 
 
+class Sum(NamedTuple):
+    """A way to sum up values over time."""
+
+    words: str
+    formula: str  # of the value x
+    unit: str  # its own; "same" as the value's, or the "integral" of it over time
+
+
+class Quantity(NamedTuple):
+    """What is summed up."""
+
+    words: str
+    formula: str
+    unit: str
+    equations: str = ""  # of the article, behind it
+
+
 class Metric(NamedTuple):
     """A number that sums up a run: a function of values (n,) and times (n,), and which values."""
 
@@ -69,36 +87,83 @@ class Metric(NamedTuple):
     @property
     def meaning(self) -> str:
         """In words."""
-        return f"{WORDS[self.sum_up]} {QUANTITIES[self.of]}"
+        return f"{SUMS[self.sum_up].words} {QUANTITIES[self.of].words}"
+
+    @property
+    def unit(self) -> str:
+        """As people write it; 1 of shares."""
+        unit = QUANTITIES[self.of].unit
+        return {"same": unit, "integral": INTEGRALS.get(unit, "")}.get(
+            SUMS[self.sum_up].unit, SUMS[self.sum_up].unit
+        )
+
+    @property
+    def formula(self) -> str:
+        """How it is computed."""
+        return SUMS[self.sum_up].formula.format(QUANTITIES[self.of].formula)
 
 
-WORDS = {
-    _rms: "rms",
-    _max: "largest",
-    _final: "final",
-    _share: "share of samples",
-    _integral: "integral over time of the",
-    _settling_time: f"time after which this stays within {SETTLED_M:g} m:",
+INTEGRALS = {"m": "m·s", "m·s": "m·s²", "rad²/s²": "rad²/s"}
+SUMS = {
+    _rms: Sum("rms", "√(mean {}²)", "same"),
+    _max: Sum("largest", "max {}", "same"),
+    _final: Sum("final", "{} at the end", "same"),
+    _share: Sum("share of samples", "mean({})", "1"),
+    _integral: Sum("integral over time of the", "∫ {} dt", "integral"),
+    _settling_time: Sum(
+        f"time after which this stays within {SETTLED_M:g} m:",
+        f"min T: {{}} ≤ {SETTLED_M:g} m for all t ≥ T",
+        "s",
+    ),
 }
 QUANTITIES = {
-    "tractor": "distance of P from its reference",
-    "tractor_t": "distance of P from its reference, times t",
-    "trailer": "distance of the (last) trailer's COM, l behind its hitch, from its reference",
-    "oscillation": "distance of that trailer's centre of oscillation from its reference",
-    "theta1": "error of θ1",
-    "theta2": "error of θ2",
-    "wheel_speed": "speed of a wheel",
-    "command_squared": "sum ω_r² + ω_l² of the commands [rad²/s]",
-    "saturated": "whose command was limited to the servo's range",
-    "near_singular": "near the singularity of the map from accelerations to wheels",
-    "seen_position": "distance between the controller's estimate of P and the true P",
-    "seen_theta1": "error of the controller's estimate of θ1",
-    "seen_theta2": "error of the controller's estimate of θ2",
-    "tilt": "tilt of the tractor against the floor's plane",
-    "height": "height of P above where it stands",
-    "airborne": "at which a wheel does not touch the ground",
-    "slipping": f"at which a wheel slips faster than {SLIPPING_M_S:g} m/s",
-    "blind": "at which the sensor's estimate was invalid",
+    "tractor": Quantity("distance of P from its reference", "|P − P_d|", "m", "2, 30"),
+    "tractor_t": Quantity(
+        "distance of P from its reference, times t", "t·|P − P_d|", "m·s", "2, 30"
+    ),
+    "trailer": Quantity(
+        "distance of the (last) trailer's COM, l behind its hitch, from its reference",
+        "|G − G_d|",
+        "m",
+        "16-17",
+    ),
+    "oscillation": Quantity(
+        "distance of that trailer's centre of oscillation from its reference",
+        "|F − F_d|",
+        "m",
+        "24",
+    ),
+    "theta1": Quantity("error of θ1", "(θ1 − θ1_d)", "rad", "2"),
+    "theta2": Quantity("error of θ2", "(θ2 − θ2_d)", "rad", "2"),
+    "wheel_speed": Quantity("speed of a wheel", "(|ω_r|, |ω_l|)", "rad/s", "8-9"),
+    "command_squared": Quantity(
+        "sum ω_r² + ω_l² of the commands [rad²/s]", "(ω_r² + ω_l²) commanded", "rad²/s²", "8-9"
+    ),
+    "saturated": Quantity(
+        "whose command was limited to the servo's range", "the command was cut", "1", "8-9"
+    ),
+    "near_singular": Quantity(
+        "near the singularity of the map from accelerations to wheels, while the reference moves",
+        f"u1 near 0, |Ṗ_d| > {RESTING_M_S:g} m/s",
+        "1",
+        "27-28",
+    ),
+    "seen_position": Quantity(
+        "distance between the controller's estimate of P and the true P", "|P̂ − P|", "m", "2"
+    ),
+    "seen_theta1": Quantity("error of the controller's estimate of θ1", "(θ̂1 − θ1)", "rad", "2"),
+    "seen_theta2": Quantity("error of the controller's estimate of θ2", "(θ̂2 − θ2)", "rad", "2"),
+    "blind": Quantity(
+        "at which the sensor's estimate was invalid", "the estimate was invalid", "1"
+    ),
+    "tilt": Quantity("tilt of the tractor against the floor's plane", "tilt", "rad"),
+    "height": Quantity("height of P above where it stands", "z_P − z_P(standing)", "m"),
+    "airborne": Quantity("at which a wheel does not touch the ground", "wheels on floor < 2", "1"),
+    "slipping": Quantity(
+        f"at which a wheel slips faster than {SLIPPING_M_S:g} m/s",
+        f"slip > {SLIPPING_M_S:g} m/s",
+        "1",
+    ),
 }
 _TRACKING = {
     "tractor_rmse_m": Metric(_rms, "tractor"),
@@ -144,7 +209,7 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
         "wheel_speed": np.abs(rows.wheel_speed_rad_s).max(axis=-1),
         "command_squared": (rows.wheel_command_rad_s**2).sum(axis=-1),
         "saturated": rows.saturated,
-        "near_singular": rows.near_singular,
+        "near_singular": rows.near_singular & ~_resting(rows),
         "seen_position": np.hypot(seen[..., 0], seen[..., 1]),
         "seen_theta1": wrap(seen[..., 2]),
         "seen_theta2": wrap(seen[..., 3]),
@@ -155,6 +220,11 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
         "slipping": _where_known(rows.wheel_slip_m_s > SLIPPING_M_S, rows.wheel_slip_m_s),
     }
     return {name: values[:, 0] for name, values in batch.items()}
+
+
+def _resting(rows: Trajectory) -> BoolArray:
+    """(n, nsim) whether the reference stands still; a robot that does so too is in no trouble."""
+    return np.asarray(np.hypot(*np.moveaxis(rows.ref_q_rate[..., :2], -1, 0)) < RESTING_M_S)
 
 
 def _where_known(condition: BoolArray, of: FloatArray) -> FloatArray:

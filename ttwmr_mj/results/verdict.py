@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.references.shared.feasibility import Feasibility
+from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory

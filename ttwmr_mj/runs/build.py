@@ -14,6 +14,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.side_by_side import SideBySide
 from ttwmr_mj.references.shared.carried import carried
+from ttwmr_mj.references.shared.hitched import has_spring
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import AtRest, Scenario
@@ -51,8 +52,9 @@ def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> Refe
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
     path = scenario.reference.sample(times, robot)
     influence = influence_of(robot, ground)
-    # of friction in the hitch nothing is made, nor of what acts on several trailers
-    if path is None or not influence[:DRY].any() or len(robot.trailers) > 1:
+    # of dry friction in the hitch nothing is made, nor of what acts on several trailers
+    acts = bool(influence[:DRY].any()) or has_spring(robot)
+    if path is None or not acts or len(robot.trailers) > 1:
         return path
     return carried(path, robot, influence)
 

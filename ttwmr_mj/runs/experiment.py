@@ -7,7 +7,7 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.references.shared.feasibility import Feasibility
+from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict

@@ -206,6 +206,9 @@ def _with_torques_logged(command: Command, nsim: int) -> Command:
 
 def _broken(error: BaseException, time_s: float = 0.0, limit_s: float = 0.0) -> str:
     """Why a controller gave no command, in words."""
+    if isinstance(error, IndexError):
+        hint = "; beyond its samples a reference goes on with task.reference.at(k)"
+        return f"controller.command() raised IndexError: {error}{hint}"
     if not isinstance(error, Overrun):
         return f"controller.command() raised {type(error).__name__}: {error}"
     return (

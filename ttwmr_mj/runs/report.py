@@ -11,6 +11,7 @@ HEADLINES = {
     "steady_tractor_rmse_m": "tractor, rms error, 2nd half",
 }
 RESULT_ROWS = (
+    ("steady_centre_of_oscillation_rmse_m", "trailer's F, rms error, 2nd half", 1e3, "mm"),
     ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
     ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
     ("tractor_final_error_m", "P, final error", 1e3, "mm"),
@@ -19,6 +20,7 @@ RESULT_ROWS = (
     ("steady_theta2_rmse_rad", "θ2, rms error, 2nd half", 1e3, "mrad"),
     ("settling_time_s", "settled (1 cm) after", 1.0, "s"),
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
+    ("control_effort", "control effort, ∫ ω_r² + ω_l² dt", 1.0, "rad²/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
     ("near_singular_share", "samples near standstill", 100.0, "%"),
     ("control_overruns", "deadline misses", 1.0, ""),
@@ -46,9 +48,21 @@ def results(metrics: dict[str, Any]) -> dict[str, str]:
     return {
         label: "undefined"
         if metrics[key] is None
-        else f"{metrics[key] * scale:.3g} {unit}".rstrip()
+        else f"{_three_digits(metrics[key] * scale)} {unit}".rstrip()
         for key, label, scale, unit in RESULT_ROWS
     }
+
+
+def _three_digits(value: float) -> str:
+    """Without an exponent where that is shorter."""
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def results_table(metrics: dict[str, Any]) -> str:
+    """The same with their names in metrics.json, for a terminal of 80 columns."""
+    told = results(metrics)
+    lines = (f"{label:33s} {told[label]:>12s}  {key}" for key, label, *_ in RESULT_ROWS)
+    return "\n".join(lines)
 
 
 def verdict_line(metrics: dict[str, Any]) -> str:

@@ -13,7 +13,7 @@ import numpy as np
 from ttwmr_mj.config import stacked
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.references.shared.feasibility import Feasibility
+from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory, column_names
 from ttwmr_mj.runs import build

@@ -8,6 +8,7 @@ from pydantic import BaseModel, ValidationError
 
 from ttwmr_mj.errors import Fault, Keys, shown
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario.meaning import best_by_meaning
 from ttwmr_mj.scenario.schema import Scenario
 
 Node = dict[str, Any]  # of a JSON Schema
@@ -42,8 +43,11 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
             return Fault(key=keys, problem=MOVED[keys])
         case "extra_forbidden":
             known = list(table["properties"])
-            problem = f"unknown key{suggestion(str(keys[-1]), known)}"
+            problem = f"unknown key{_meant(keys, table, root)}"
             return Fault(key=keys, problem=problem, allowed=", ".join(known))
+        case "string_pattern_mismatch" if "description" in value:
+            told = value["description"]  # of what it is, and then of what it may hold
+            return Fault(key=keys, got=shown(got), allowed=told.partition(": ")[2] or told)
         case "missing":
             return Fault(key=keys, problem="missing; this key has no default and must be given")
         case "union_tag_not_found" | "union_tag_invalid":
@@ -63,6 +67,26 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
         case "value_error":  # raised by a validator of this project
             return Fault(key=keys, got=shown(got), problem=str(context["error"]))
     return Fault(key=keys, got=shown(got), allowed=error["msg"].removeprefix("Input should be "))
+
+
+def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:
+    """A hint at the key that was probably meant: by its letters, or by what it means."""
+    word, properties = str(keys[-1]), table["properties"]
+    if close := suggestion(word, list(properties)):
+        return close
+    schema = _schema(root)
+    here = {name: _text(node, schema) for name, node in properties.items()}
+    inside = {
+        f"{name}.{key}": _text(inner, schema)
+        for name, node in properties.items()
+        for key, inner in _resolved(node, schema).get("properties", {}).items()
+    }
+    found = best_by_meaning(word, here | inside)
+    return f" (did you mean {found!r}?)" if found else ""
+
+
+def _text(node: Node, schema: Node) -> str:
+    return str(node.get("description") or _resolved(node, schema).get("description", ""))
 
 
 def suggestion(word: str, choices: list[str]) -> str:

@@ -118,11 +118,12 @@ def _sound_part(
         try:
             return _Incomplete.model_validate(sound, context=context), gone
         except ValidationError as error:  # a key without a default, or one within a list
-            for fault in faults_of(error):
-                key = fault.key
-                while key in gone:
-                    key = key[:-1]
-                gone.append(key)
+            gone += {_around(fault.key, gone) for fault in faults_of(error)}
+
+
+def _around(key: Keys, gone: list[Keys]) -> Keys:
+    """The key, or the innermost table around it that is not gone."""
+    return _around(key[:-1], gone) if key in gone else key
 
 
 def _remove(data: dict[str, Any], key: Keys) -> None:

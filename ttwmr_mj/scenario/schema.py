@@ -57,7 +57,8 @@ class Scenario(Config):
     schema_version: Literal[1] = Field(default=1, description="version of this file format")
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
-        description="name of results and recordings: lower-case letters, digits, - and _",
+        description="name of results and recordings: up to 64 lower-case letters, digits, - and _, "
+        "a letter or digit first",
     )
     description: str = Field(default="", description="one sentence, shown by `ttwmr list`")
     seed: int = Field(

@@ -64,9 +64,8 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
                     live=live,
                     pace=pace,
                 )
-            if not self.quiet:
-                text = plain(done.report)
-                print(f"{text}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}")
+            text = f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}"
+            print(folder if self.quiet else text)
         if done.breaches:
             lines = "\n".join(f"  {breach}" for breach in done.breaches)
             raise RunError(f"{scenario.name} exceeds {self.tolerance}; see {folder}\n{lines}")

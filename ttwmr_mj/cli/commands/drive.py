@@ -42,7 +42,9 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
                     live=live,
                     tell=None if self.quiet else _status,
                 )
-            if not self.quiet:
+            if self.quiet:
+                print(folder)
+            else:
                 print(f"\ndriven for {done.outcome.time_s:.1f} s; run folder: {folder}")
                 print(f"drive it again: ttwmr run {folder / 'scenario.resolved.toml'}")
             return 0

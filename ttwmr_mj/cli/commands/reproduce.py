@@ -21,8 +21,8 @@ class Reproduce(Quiet, name="reproduce"):
         from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table
 
         done = reproduce(self.out, list(self.only), quiet=self.quiet)
-        if not self.quiet:
-            print(f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip())
+        text = f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip()
+        print(done.report if self.quiet else text)
         for name, reason in done.failures.items():
             print(f"ttwmr: {name} could not be run: {reason}", file=sys.stderr)
         return 1 if done.runs_failed else 0

@@ -23,8 +23,8 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
+        from ttwmr_mj.runs.foresight import foretold
         from ttwmr_mj.runs.progress import progress_bar
-        from ttwmr_mj.runs.verdict import warnings
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()
@@ -32,7 +32,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
         if not self.quiet:
-            warn(warnings(scenario))
+            warn(foretold(scenario))
         pace = self.make_pace()
         self.check_recording(scenario)
         folder = self.open_folder(scenario.name, scenario.seed)
@@ -59,8 +59,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
                 f"{scenario.name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
                 f"{done.outcome.reason}; what was recorded is in {done.folder}"
             )
-        if not self.quiet:
-            _print_run(done)
+        print(done.folder) if self.quiet else _print_run(done)
         if self.require and not met:
             from ttwmr_mj.runs.report import verdict_line
 
@@ -79,12 +78,12 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
 
 def _print_run(run: "execute.Run") -> None:
-    from ttwmr_mj.runs.report import headline, results, verdict_line
+    from ttwmr_mj.runs.report import headline, results_table, verdict_line
 
     print("\n".join(filter(None, [verdict_line(run.metrics), headline(run.metrics)])) + "\n")
-    rows = results(run.metrics) | {"real-time factor": f"{run.metrics['real_time_factor']:.3g}"}
-    for label, value in rows.items():
-        print(f"{label:38s} {value}")
+    print(results_table(run.metrics))
+    speed = f"{run.metrics['real_time_factor']:.3g} ×"
+    print(f"{'simulated by wall time':33s} {speed:>12s}  real_time_factor")
     if run.pace:
-        print(f"{'pace':38s} {run.pace}")
+        print(f"{'pace':33s} {run.pace:>12s}")
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

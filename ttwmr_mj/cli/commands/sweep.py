@@ -181,8 +181,7 @@ class Sweep(Quiet, name="sweep"):
                 f"{plan.name}: part {part.index}/{part.count}, rows {start} to {stop - 1}, is done "
                 f"in {folder}\njoin the parts: ttwmr sweep --merge DIR DIR ... --out DIR"
             )
-        if not self.quiet:
-            print(told)
+        print(folder if self.quiet else told)
 
     def _record(self, plan: Plan, folder: Path, wish: Wish) -> None:
         from ttwmr_mj.studies.sweep.record import record

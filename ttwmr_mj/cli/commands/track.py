@@ -36,7 +36,6 @@ class TrackCommand(NewFolder, Live, name="track"):
                     live=live,
                     pace=pace,
                 )
-            if not self.quiet:
-                print(f"{done.frames} frames, robot tracked in {done.tracked}")
-                print(f"written to {done.folder}")
+            text = f"{done.frames} frames, robot tracked in {done.tracked}"
+            print(done.folder if self.quiet else f"{text}\nwritten to {done.folder}")
         return 0

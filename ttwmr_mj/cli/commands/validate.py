@@ -1,24 +1,36 @@
 """`ttwmr validate`: are these scenarios valid?"""
 
-import sys
+from __future__ import annotations
 
-from ttwmr_mj.cli.engine import argument
+import sys
+from typing import TYPE_CHECKING
+
+from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.errors import InputError
+
+if TYPE_CHECKING:
+    from ttwmr_mj.scenario.schema import Scenario
 
 
 class Validate(Overrides, name="validate"):
     """Check scenario files and print nothing if they are valid."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
+    run_code: bool = option(
+        "import laws of your own and start them, which runs their code; else their files are read",
+        name="--load",
+    )
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.verdict import warnings
+        from ttwmr_mj.runs.foresight import foretold
 
         errors = []
-        for scenario in self.scenarios:
+        for name in self.scenarios:
             try:
-                warn(warnings(self.load(scenario)))
+                scenario = self.load(name)
+                self._check_law(name, scenario)
+                warn(foretold(scenario))
             except InputError as error:
                 if self.debug:
                     raise
@@ -26,3 +38,20 @@ class Validate(Overrides, name="validate"):
         for fault in errors:
             print(f"ttwmr: {fault}", file=sys.stderr)
         return 2 if errors else 0
+
+    def _check_law(self, name: str, scenario: Scenario) -> None:
+        """A law of the user's.
+
+        Raises:
+            InputError: with what is wrong with it.
+        """
+        from ttwmr_mj.runs.rehearsal import law_faults
+        from ttwmr_mj.scenario.file import find_scenario
+
+        file = find_scenario(name)
+        faults = law_faults(scenario, file.parent, load=self.run_code)
+        if faults:
+            raise InputError(*faults, file=str(file))
+        if scenario.controller.kind == "custom" and not self.run_code:
+            target = getattr(scenario.controller, "target", "")
+            print(f"{name}: {target} was read, not run; --load imports and starts it")

@@ -1,12 +1,13 @@
 """The same path of the trailer's centre of oscillation where other forces act on the trailer.
 
-On a slope, or with balls that resist, F can still go where it should, but θ2 and P that carry it
-there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (`dynamics.influence`, d: all but gravity),
+On a slope, with balls that resist or with a spring or damper in the hitch, F can still go where it
+should, but θ2 and P that carry it there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (d: all but
+gravity, `dynamics.influence`),
 
     F'' − g_p + k·d·n = a·t,
 
 so θ2 is the direction of the left-hand side. d depends on the motion in turn; it is small against
-a, and found by repeating.
+a, and found by repeating. That of the hitch is found first, by itself (`hitched`).
 """
 
 import numpy as np
@@ -19,6 +20,7 @@ from ttwmr_mj.dynamics.flatness import (
     velocity_behind,
 )
 from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back
+from ttwmr_mj.references.shared.hitched import has_spring, hitch_push, hitched
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
@@ -36,13 +38,15 @@ def carried(path: ReferencePath, robot: RobotParameters, influence: FloatArray) 
     Args:
         path: what it gives of F is used, if it does.
         robot: whose trailer is carried.
-        influence: (5,) or (nsim, 5); of friction in the hitch nothing is made here.
+        influence: (5,) or (nsim, 5); of friction in the hitch nothing is made here, as its spring
+            and damper are the robot's.
     """
     influence = np.atleast_2d(influence)
     if path.flat_derivatives is None:
         return path
     least = np.hypot(*np.moveaxis(path.flat_derivatives[:, :, 2], -1, 0)).min(axis=0)
-    fits = least > ROOM * (np.hypot(*influence[:, GRAVITY].T) + influence[:, DRAG])
+    hold = np.abs(hitch_push(*_hitch_motion(path), robot)).max(axis=0)
+    fits = least > ROOM * (np.hypot(*influence[:, GRAVITY].T) + influence[:, DRAG] + hold)
     if not fits.any():
         return path
     influence = np.where(fits[:, None], influence, 0.0)
@@ -52,15 +56,34 @@ def carried(path: ReferencePath, robot: RobotParameters, influence: FloatArray) 
     sign = np.sign(dot(flat[:1, :, 2], trailer_axes(path.theta2_rad[:1])[0]))
     gravity = np.zeros((*flat.shape[:2], 3, 2))
     gravity[:, :, 0] = influence[:, GRAVITY]
-    pull = gravity
+    hitch = np.zeros((1, 1, 2))
+    if has_spring(robot):
+        free = motion_from_flat(flat, sign, robot, gravity).theta2
+        found = hitched(path.time_s, flat, free, influence[:, GRAVITY], robot)
+        if found is None:
+            return path
+        hitch = found
+    pull = _pull(gravity, np.broadcast_to(hitch, (len(flat), *batch, 2)), path.time_s)
     for _ in range(ROUNDS if drag.any() else 0):
-        aside = _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag)
-        pull = gravity.copy()
-        for order in range(3):
-            pull[:, :, order] -= aside
-            aside = np.gradient(aside, path.time_s, axis=0)
+        aside = hitch + _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag)
+        pull = _pull(gravity, aside, path.time_s)
     done = _reference(path, flat, motion_from_flat(flat, sign, robot, pull))
     return done if fits.all() else _where(fits, done, path)
+
+
+def _hitch_motion(path: ReferencePath) -> tuple[FloatArray, FloatArray]:
+    """φ and its rate (n, batch), of the first hitch."""
+    phi = wrap(path.theta2_rad - path.theta1_rad)
+    return phi, path.theta_rate[..., 1] - path.theta_rate[..., 0]
+
+
+def _pull(gravity: FloatArray, aside: FloatArray, time_s: FloatArray) -> FloatArray:
+    """(n, batch, 3, 2) what accelerates F beside the hitch's pin, and two derivatives."""
+    pull = gravity.copy()
+    for order in range(3):
+        pull[:, :, order] -= aside
+        aside = np.gradient(aside, time_s, axis=0, edge_order=2)
+    return pull
 
 
 def _where(who: BoolArray, one: ReferencePath, other: ReferencePath) -> ReferencePath:

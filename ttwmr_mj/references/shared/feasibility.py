@@ -8,7 +8,10 @@ does so in named spans of time. The checks, in order:
 - free trailer: the hitch torque J·(θ̈2 − P''·n/k), J = J2 + m2·l², that the reference demands
   (Eq. 17, 24), beyond what the hitch's own spring, damper and dry friction give.
 - wheel speed, wheel acceleration: against the servo's limits (Eq. 8-9).
-- wheel torque: from Eq. 23, with the motors' own inertia, against the stall torque.
+- wheel torque: from Eq. 23, with the motors' own inertia, against the stall torque or, of a motor
+  with gear, its current limit, what the gear takes included.
+- motor voltage: what that torque takes at that speed, R·i + N·K_e·ω, against the supply; without
+  load that bounds the speed.
 - grip: driving and lateral force of the two wheels (λ of Eq. 18) against friction times their
   share of the weight.
 - workspace: P, the tractor's front label and the trailer's rear label, in a rectangle.
@@ -16,12 +19,14 @@ does so in named spans of time. The checks, in order:
   through, only the flatness-based law cannot.
 """
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import flat_output_acceleration
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.dynamics.flatness import dot, flat_output_acceleration, trailer_axes, velocity_behind
+from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, LEVEL, Ground
+from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back, influence_of
 from ttwmr_mj.dynamics.kinematics import (
     constraint_residual,
     to_body,
@@ -29,10 +34,12 @@ from ttwmr_mj.dynamics.kinematics import (
     workspace_rate,
 )
 from ttwmr_mj.dynamics.kinetics import lateral_force, reduced_bias, reduced_mass_matrix
+from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.dynamics.train import hitch_torques, swing_matrix, trailer_accelerations
+from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA2, BoolArray, FloatArray, hitch_angles
+from ttwmr_mj.state import THETA2, FloatArray, hitch_angles
 
 SIDE_SLIP_M_S = 1e-3  # a hundredth of a slow robot's speed
 HITCH_TORQUE_N_M = 1e-5  # a hundredth of what a small dry friction gives
@@ -40,78 +47,7 @@ FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
 # |F''| that the flatness-based law needs. The slowest circle of 0.6 m that it can be told to follow
 # takes 150 s; in a plan, F'' passes through zero.
 LEAST_ACCELERATION_M_S2 = 1e-3
-MOMENT_S = 0.1  # three control periods: what servos are late by in them, a law works off
-# what the robot needs to move so at all, whatever its trailer does; in words
-DRIVES = {
-    "wheel speed": "turns a wheel at {}",
-    "wheel acceleration": "accelerates a wheel by {}",
-    "wheel torque": "asks a wheel for {}",
-    "grip": "asks the tyres for {}",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Demand:
-    """One requirement along a reference."""
-
-    name: str  # what is required
-    unit: str  # of the values
-    worst: float  # the largest value, at `worst_time_s`; NaN where the reference defines none
-    worst_time_s: float
-    limit: float  # its bound
-    spans_s: tuple[tuple[float, float], ...]  # (start, end) of every stretch of time over the bound
-    binding: bool = True  # whether breaking it makes the reference infeasible
-
-    @property
-    def kept(self) -> bool:
-        """Whether the bound holds everywhere."""
-        return not self.spans_s
-
-    @property
-    def broken_for_s(self) -> float:
-        """How long the bound is exceeded, all stretches together."""
-        return sum(end - start for start, end in self.spans_s)
-
-    @property
-    def sentence(self) -> str:
-        """What the reference asks of the drive, against what there is."""
-        asked, limit = (f"{value:.3g} {self.unit}" for value in (self.worst, self.limit))
-        return f"the reference {DRIVES[self.name].format(asked)} (limit {limit})"
-
-    def __str__(self) -> str:
-        mark = "ok  " if self.kept else "FAIL" if self.binding else "note"
-        text = f"{mark} {self.name}: {self.worst:.4g} of {self.limit:.4g} {self.unit}".rstrip()
-        text += f" at {self.worst_time_s:.4g} s"
-        if self.kept:
-            return text
-        first, last = self.spans_s[0]
-        more = f" and {len(self.spans_s) - 1} more" if len(self.spans_s) > 1 else ""
-        return f"{text}; broken from {first:.4g} s to {last:.4g} s{more}"
-
-
-@dataclass(frozen=True, slots=True)
-class Feasibility:
-    """The verdict on a reference."""
-
-    checks: tuple[Demand, ...]
-
-    @property
-    def feasible(self) -> bool:
-        """Whether every binding check is kept."""
-        return all(check.kept for check in self.checks if check.binding)
-
-    @property
-    def undrivable(self) -> tuple[Demand, ...]:
-        """What is asked of servo and tyres beyond their limits for more than a moment."""
-        driven = (check for check in self.checks if check.name in DRIVES)
-        return tuple(check for check in driven if check.broken_for_s > MOMENT_S)
-
-    def __getitem__(self, name: str) -> Demand:
-        """A check by its name."""
-        return next(check for check in self.checks if check.name == name)
-
-    def __str__(self) -> str:
-        return "\n".join([f"feasible: {'yes' if self.feasible else 'no'}", *map(str, self.checks)])
+LEAST_PACE, PACES = 0.02, 12  # of `feasible_pace`: what is slower is no answer; halvings
 
 
 def check_feasibility(
@@ -119,6 +55,7 @@ def check_feasibility(
     robot: RobotParameters,
     *,
     floor_friction: float = 0.9,
+    ground: Ground = LEVEL,
     workspace_m: tuple[float, float] | None = None,
 ) -> Feasibility:
     """Examine a reference at its samples; of a batch, the worst member counts.
@@ -127,54 +64,102 @@ def check_feasibility(
         reference: any; NaN in θ2 breaks "defined", and what needs it is then not judged there.
         robot: geometry, masses, hitch and servo.
         floor_friction: Coulomb coefficient of the tyres.
+        ground: what else acts on one trailer; wheels are taken to drive on a level floor.
         workspace_m: width and height of a rectangle about the origin; None: no bound.
     """
     q, rate = reference.q, reference.q_rate
-    twist = workspace_rate(q, rate)
-    surge, _ = to_body(reference.theta1_rad, *np.moveaxis(reference.acceleration_m_s2, -1, 0))
-    acceleration = np.concatenate([surge[..., None], reference.theta_acceleration], axis=-1)
-    servo = robot.servo
-    wheel_rate = wheels_from_twist(acceleration[..., :2], robot)
-    torque, grip = _forces(q, twist, acceleration, robot)
-    torque = torque + servo.reflected_inertia_kg_m2 * wheel_rate
-
-    def at_most(name: str, unit: str, values: FloatArray, limit: float) -> Demand:
-        size = np.fmax.reduce(np.abs(values).reshape(len(q), -1), axis=1)  # NaN: all are
-        return _check(reference.time_s, name, unit, size, limit)
-
+    along = Along(reference.time_s, reference.position_m)
     checks = [
-        at_most("defined", "", np.isnan(reference.theta), 0.5),
-        at_most("no side slip", "m/s", constraint_residual(q, rate), SIDE_SLIP_M_S),
-        at_most("free trailer", "N·m", _missing_torque(reference, robot), HITCH_TORQUE_N_M),
-        at_most("wheel speed", "rad/s", wheels_from_twist(twist, robot), servo.speed_limit_rad_s),
-        at_most("wheel acceleration", "rad/s²", wheel_rate, servo.acceleration_limit_rad_s2),
-        at_most("wheel torque", "N·m", torque, servo.largest_torque_n_m),
-        at_most("grip", "N", grip, floor_friction * _weight_on_wheels(robot)),
+        along.at_most("defined", "", np.isnan(reference.theta), 0.5),
+        along.at_most("no side slip", "m/s", constraint_residual(q, rate), SIDE_SLIP_M_S),
+        along.at_most(
+            "free trailer",
+            "N·m",
+            _missing_torque(reference, robot, ground),
+            HITCH_TORQUE_N_M,
+            "robot",
+            "hitch",
+        ),
+        *_drive(reference, robot, floor_friction),
     ]
     if workspace_m is not None:
-        checks.append(at_most("workspace", "of half", _reach(q, workspace_m, robot), 1.0))
+        checks.append(along.at_most("workspace", "of half", _reach(q, workspace_m, robot), 1.0))
     if len(robot.trailers) == 1:
         checks.append(_flatness(reference, robot))
     return Feasibility(tuple(checks))
+
+
+def feasible_pace(broken: Callable[[ReferencePath], bool], reference: ReferencePath) -> float:
+    """The largest share of its pace at which a reference keeps a limit; 0: at none.
+
+    All that is asked grows with the pace, but what a spring in the hitch asks for.
+
+    Args:
+        broken: whether a reference breaks it.
+        reference: that does.
+    """
+    if broken(reference.at_pace(LEAST_PACE)):
+        return 0.0
+    low, high = LEAST_PACE, 1.0
+    for _ in range(PACES):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if broken(reference.at_pace(middle)) else (middle, high)
+    return low
+
+
+def _drive(
+    reference: ReferencePath, robot: RobotParameters, floor_friction: float
+) -> Iterator[Demand]:
+    """What is asked of servos and tyres."""
+    along, servo = Along(reference.time_s, reference.position_m), robot.servo
+    q, twist = reference.q, workspace_rate(reference.q, reference.q_rate)
+    surge, _ = to_body(reference.theta1_rad, *np.moveaxis(reference.acceleration_m_s2, -1, 0))
+    acceleration = np.concatenate([surge[..., None], reference.theta_acceleration], axis=-1)
+    speed, change = (wheels_from_twist(values, robot) for values in (twist, acceleration[..., :2]))
+    torque, grip = _forces(q, twist, acceleration, robot)
+    torque = torque + servo.reflected_inertia_kg_m2 * change
+    key = ("robot", "servo")
+    rates = {
+        "wheel speed": ("rad/s", speed, "speed_limit_rad_s"),
+        "wheel acceleration": ("rad/s²", change, "acceleration_limit_rad_s2"),
+    }
+    for name, (unit, values, limit) in rates.items():
+        yield along.at_most(name, unit, values, getattr(servo, limit), *key, limit)
+    if (motor := servo.motor) is None:
+        largest = servo.largest_torque_n_m
+        yield along.at_most("wheel torque", "N·m", torque, largest, *key, "stall_torque_n_m")
+    else:
+        torque = torque + np.sign(speed) * motor.gear_friction_n_m
+        torque = torque + motor.gear_damping_n_m_s_rad * speed
+        drive = Drive.of(servo)
+        yield along.at_most(
+            "wheel torque", "N·m", torque, drive.limit_n_m, *key, "motor", "current_limit_a"
+        )
+        # at no load: what is left of the supply once the back-EMF is taken off
+        volts = torque / drive.gain + drive.back * speed
+        supply = drive.input_limit
+        yield along.at_most("motor voltage", "V", volts, supply, *key, "motor", "supply_voltage_v")
+    friction = floor_friction * _weight_on_wheels(robot)
+    yield along.at_most("grip", "N", grip, friction, "plant", "contact", "floor_friction")
 
 
 def _flatness(reference: ReferencePath, robot: RobotParameters) -> Demand:
     theta2, rate = reference.theta2_rad, reference.theta_rate[..., 1]
     along = flat_output_acceleration(theta2, rate, reference.acceleration_m_s2, robot)
     least = np.fmin.reduce(np.hypot(along[..., 0], along[..., 1]), axis=1)
-    note = _check(
-        reference.time_s, "flatness, least |F''|", "m/s²", -least, -LEAST_ACCELERATION_M_S2
-    )
+    where = Along(reference.time_s, reference.position_m)
+    note = where.worst_of("flatness, least |F''|", "m/s²", -least, -LEAST_ACCELERATION_M_S2)
     return replace(note, worst=-note.worst, limit=-note.limit, binding=False)
 
 
-def _missing_torque(reference: ReferencePath, robot: RobotParameters) -> FloatArray:
+def _missing_torque(reference: ReferencePath, robot: RobotParameters, ground: Ground) -> FloatArray:
     """(n, batch, trailers) hitch torques that are demanded and that nothing provides [N·m]."""
     q, rate = reference.q, reference.q_rate
     theta, turn = q[..., THETA2:], rate[..., THETA2:]
     free = trailer_accelerations(theta, turn, reference.acceleration_m_s2, robot)
     missing = reference.theta_acceleration[..., 1:] - free
     if theta.shape[-1] == 1:
+        missing = missing - _push(reference, robot, ground)[..., None]
         demand = robot.swing_inertia_kg_m2 * missing
     else:  # each hitch carries what is behind it
         load = (swing_matrix(theta, robot) @ missing[..., None])[..., 0]
@@ -182,6 +167,19 @@ def _missing_torque(reference: ReferencePath, robot: RobotParameters) -> FloatAr
     demand = demand - hitch_torques(hitch_angles(q), hitch_angles(rate), robot)
     dry = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
     return np.asarray(np.maximum(np.abs(demand) - dry, 0.0))
+
+
+def _push(reference: ReferencePath, robot: RobotParameters, ground: Ground) -> FloatArray:
+    """(n, batch) θ̈2 of a slope and of balls that resist [rad/s²]."""
+    influence, k = influence_of(robot, ground), robot.swing_length_m
+    theta2, rate = reference.theta2_rad, reference.theta_rate[..., 1]
+    pulled = -dot(influence[GRAVITY], trailer_axes(theta2 - robot.lean_rad)[1])
+    if not influence[DRAG]:
+        return np.asarray(pulled / k)
+    t, n = trailer_axes(theta2)
+    velocity = velocity_behind(reference.velocity_m_s, theta2, rate, robot.trailer.com_offset_m)
+    held = held_back(influence[DRAG], dot(velocity, t), dot(velocity, n), rate, robot)
+    return np.asarray((pulled + held) / k)
 
 
 def _forces(
@@ -227,17 +225,3 @@ def _reach(q: FloatArray, workspace_m: tuple[float, float], robot: RobotParamete
         if column > 2:
             hitch = hitch - reaches[column - 3] * along
     return np.asarray(np.fmax.reduce([np.abs(part / half).max(axis=-1) for part in parts]))
-
-
-def _check(time_s: FloatArray, name: str, unit: str, values: FloatArray, limit: float) -> Demand:
-    """The largest of values (n,), and where they exceed their limit; NaN does not."""
-    k = int(np.argmax(np.nan_to_num(values, nan=-np.inf)))
-    worst, when = float(values[k]), float(time_s[k])
-    return Demand(name, unit, worst, when, limit, _spans(time_s, values > limit))
-
-
-def _spans(time_s: FloatArray, broken: BoolArray) -> tuple[tuple[float, float], ...]:
-    """First and last sample of every stretch of broken samples."""
-    edges = np.diff(np.concatenate([[0], broken.astype(np.int8), [0]]))
-    starts, ends = np.flatnonzero(edges == 1), np.flatnonzero(edges == -1) - 1
-    return tuple((float(time_s[i]), float(time_s[j])) for i, j in zip(starts, ends, strict=True))

@@ -2,11 +2,22 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from ttwmr_mj.state import FloatArray
+
+
+class Moment(NamedTuple):
+    """A reference's motion at one sample (batch, …), or at several (m, batch, …)."""
+
+    position_m: FloatArray  # (..., 2) P
+    velocity_m_s: FloatArray  # (..., 2)
+    acceleration_m_s2: FloatArray  # (..., 2)
+    theta: FloatArray  # (..., 1 + trailers) θ1, θ2, …; NaN where undefined
+    theta_rate: FloatArray  # (..., 1 + trailers)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +56,40 @@ class ReferencePath:
             theta_rate=self.theta_rate[:count],
             theta_acceleration=self.theta_acceleration[:count],
             flat_derivatives=None if flat is None else flat[:count],
+        )
+
+    def at(self, k: "int | NDArray[np.intp]") -> "Moment":
+        """The motion at sample k, or at several (m,); beyond the last it goes on.
+
+        Beyond the last sample P goes straight on at its last velocity, and the angles at their last
+        rates, without acceleration; what has come to rest stays there. Before the first it holds.
+        """
+        last = len(self.time_s) - 1
+        k = np.asarray(k)
+        row = np.clip(k, 0, last)
+        period = self.time_s[1] - self.time_s[0] if last else 0.0
+        beyond = (np.maximum(k - last, 0) * period)[..., None, None]
+        velocity, rate = self.velocity_m_s[row], self.theta_rate[row]
+        within = beyond == 0.0
+        return Moment(
+            position_m=self.position_m[row] + beyond * velocity,
+            velocity_m_s=velocity,
+            acceleration_m_s2=within * self.acceleration_m_s2[row],
+            theta=self.theta[row] + beyond * rate,
+            theta_rate=rate,
+        )
+
+    def at_pace(self, pace: float) -> "ReferencePath":
+        """The same way in 1/pace of the time."""
+        orders = pace ** np.arange(5.0)[:, None]
+        flat = self.flat_derivatives
+        return ReferencePath(
+            time_s=self.time_s / pace,
+            derivatives=self.derivatives * orders,
+            theta=self.theta,
+            theta_rate=self.theta_rate * pace,
+            theta_acceleration=self.theta_acceleration * pace**2,
+            flat_derivatives=None if flat is None else flat * orders,
         )
 
     @staticmethod

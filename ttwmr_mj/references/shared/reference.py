@@ -16,6 +16,7 @@ from ttwmr_mj.state import FloatArray
 Point = Annotated[tuple[float, float], Field(strict=False)]
 Length = Annotated[float, Field(gt=0, le=100)]
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
+TIMES = ("period_s", "ramp_s", "stop_s")
 Rate = Annotated[
     float, Field(ge=-50, le=50, description="rate, positive counter-clockwise; typically 0.1 to 1")
 ]
@@ -35,6 +36,16 @@ class Reference(Config, ABC):
         """What is wrong with these options, together or for this robot; keys within them."""
         del robot
         return []
+
+    def paced(self, pace: float) -> dict[str, float]:
+        """Those options with which it is the same way in 1/pace of the time; none: not by options.
+
+        Its rates and speeds are multiplied, its times divided by it.
+        """
+        given = {name: getattr(self, name) for name in type(self).model_fields}
+        faster = {n: v * pace for n, v in given.items() if n.endswith(("rate_rad_s", "speed_m_s"))}
+        times = {n: v / pace for n, v in given.items() if n in TIMES and v}
+        return faster | times
 
     @abstractmethod
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath | None:

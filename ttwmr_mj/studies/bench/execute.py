@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json
+from ttwmr_mj.runs.foresight import foretold
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -42,7 +43,12 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
 
 
 def run_suite(
-    suite: Suite, folder: Path, *, workers: int | None = None, progress: Progress | None = None
+    suite: Suite,
+    folder: Path,
+    *,
+    workers: int | None = None,
+    progress: Progress | None = None,
+    told: Callable[[list[str]], None] | None = None,
 ) -> dict[str, str]:
     """Run every row whose result is missing or outdated; after an interruption, call it again.
 
@@ -53,6 +59,7 @@ def run_suite(
         folder: gets runs/<row>/, each a run folder with a row.json beside its files.
         workers: processes at a time; None: one per processor.
         progress: called with the number of rows done.
+        told: called before the first run with what no law can do, in lines.
 
     Returns:
         Rows that were not run, for a reason that is the machine's, and that reason; the next call
@@ -63,6 +70,8 @@ def run_suite(
     """
     rows = {row.key: row for row in rows_of(suite)}
     scenarios = checked_scenarios(list(rows.values()))
+    if told is not None:
+        told(_foretold(scenarios.values()))
     with locked(folder):
         kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
         missing = [key for key in rows if not kept[key].is_done]
@@ -84,6 +93,15 @@ def run_suite(
                 if progress is not None:
                     progress(float(done))
     return {key: not_run[key] for key in rows if key in not_run}
+
+
+def _foretold(scenarios: Iterable[Scenario]) -> list[str]:
+    """What tasks ask for and cannot get; of those that are alike but for the law, once."""
+    alike = {
+        (s.name, s.reference, s.robot, s.ground, s.plant, s.sensing, s.duration_s): s
+        for s in scenarios
+    }
+    return list(dict.fromkeys(line for one in alike.values() for line in foretold(one)))
 
 
 def _computed(

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.studies.compare.recording import ComparisonRecorder
 
 SCHEMA_VERSION = 1
-UNSEEN = ("waypoints", "lab_circle")  # what a fit is validated on: the first that is another one
+UNSEEN = ("spline", "lab_circle")  # what a fit is validated on: the first that is another one
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ import numpy as np
 
 from ttwmr_mj.errors import TtwmrError
 from ttwmr_mj.runs.batch import run_batch
+from ttwmr_mj.runs.foresight import foreseen
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.sweep.plan.file import Axis
 from ttwmr_mj.studies.sweep.plan.parameters import Value
@@ -75,6 +76,24 @@ def _toml(value: Value) -> str:
 
 def remarks(plan: Plan) -> list[str]:
     """What is worth knowing before the sweep is run."""
+    return [*_idle_seeds(plan), *_infeasible(plan)]
+
+
+def _infeasible(plan: Plan) -> list[str]:
+    """Whether rows ask for what their robot cannot do, of a few that are looked at."""
+    numbers = np.unique(np.linspace(0, plan.rows - 1, PROBED).astype(np.int64))
+    rows = plan.rows_at(numbers)
+    told = [(row.row, faults) for row in rows if (faults := foreseen(plan.scenario_of(row)))]
+    if not told:
+        return []
+    (row, (fault, *_)), count = told[0], len(told)
+    share = f"{count} of the {len(rows)} rows that were looked at" if len(rows) > 1 else "the row"
+    ask = "asks" if count == 1 else "ask"
+    return [f"{share} {ask} for what the robot cannot do; row {row}: {fault}"]
+
+
+def _idle_seeds(plan: Plan) -> list[str]:
+    """Whether seeds differ in nothing."""
     first = plan.rows_at(np.arange(min(plan.rows, len(plan.seeds) * len(plan.variant_names))))
     varied = plan.sampling == "grid" and any(axis.drawn for axis in plan.axes)
     if len(plan.seeds) == 1 or varied or any(map(_random, _one_of_each(plan, first))):

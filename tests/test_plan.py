@@ -1,0 +1,193 @@
+"""`ttwmr plan`: from points to a motion of tractor and trailer."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.planning.points import MOST_POINTS, read_points
+from ttwmr_mj.references.planned import Knots, Planned
+from ttwmr_mj.references.shared.feasibility import check_feasibility
+from ttwmr_mj.robot import Hitch, RobotParameters
+
+pytest.importorskip("casadi")
+from ttwmr_mj.planning.limits import limits_of
+from ttwmr_mj.planning.through_points import Found, Request, plan_through
+
+SPRUNG = RobotParameters(hitch=Hitch(stiffness_n_m_rad=5e-4, damping_n_m_s_rad=1e-3))
+BEND = np.array([[-0.4, -0.1], [0.0, 0.1], [0.4, -0.1]])
+
+
+def ttwmr(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "ttwmr_mj", *words]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def bend() -> Found:
+    return plan_through(Request(BEND), SPRUNG, limits_of(SPRUNG, 0.9))
+
+
+def test_p_passes_through_every_point_from_rest_to_rest(bend: Found) -> None:
+    state, knots = bend.plan.state, np.searchsorted(bend.plan.time_s, bend.points_s - 1e-9)
+    assert state[knots, :2] == pytest.approx(BEND, abs=1e-7)
+    for end in (0, -1):
+        assert state[end, 2] == pytest.approx(state[end, 3], abs=1e-7)
+        assert state[end, 4:] == pytest.approx(0.0, abs=1e-7)
+    assert max(bend.used.values()) < 1.0 + 1e-3
+
+
+def test_spring_and_damper_are_in_the_plan(tmp_path: Path, bend: Found) -> None:
+    """What the checker finds of it, which is another derivation of the same model."""
+    from ttwmr_mj.planning.knots import write_knots
+
+    write_knots(tmp_path / "bend.csv", bend.plan, SPRUNG, "a test")
+    time_s = np.arange(0.0, bend.plan.time_s[-1], 0.01)
+    path = Planned(plan=str(tmp_path / "bend.csv")).sample(time_s, SPRUNG)
+    limits = limits_of(SPRUNG, 0.9)
+    checked = check_feasibility(path, SPRUNG, workspace_m=limits.workspace_m)
+    assert checked.feasible, str(checked)
+    # spring and damper alone give a hundred times the checker's tolerance
+    assert not check_feasibility(path, RobotParameters())["free trailer"].kept
+
+
+def test_more_time_where_none_was_asked_for_and_the_limits_ask() -> None:
+    slow = SPRUNG.model_copy(
+        update={"servo": SPRUNG.servo.model_copy(update={"acceleration_limit_rad_s2": 1.0})}
+    )
+    request = Request(BEND)
+    found = plan_through(request, slow, limits_of(slow, 0.9))
+    mean = 0.6 * 0.8 * slow.servo.speed_limit_rad_s * slow.tractor.wheel_radius_m
+    assert found.plan.time_s[-1] > 1.05 * request.legs_m.sum() / mean
+    assert found.used["wheel acceleration"] < 1.0 + 1e-3
+
+
+def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
+    limits = limits_of(SPRUNG, 0.9)
+    with pytest.raises(RunError, match=r"wheel speed: .* --duration (\d+\.?\d*)") as caught:
+        plan_through(Request(BEND, duration_s=4.0), SPRUNG, limits)
+    assert "between points" in str(caught.value)
+    advised = float(str(caught.value).split("--duration ")[1].split(",")[0])
+    assert plan_through(Request(BEND, duration_s=advised), SPRUNG, limits).plan.time_s[-1] == (
+        pytest.approx(advised)
+    )
+    small = limits_of(SPRUNG, 0.9, workspace_m=(0.7, 1.0))
+    with pytest.raises(RunError, match=r"workspace: .* a larger --workspace"):
+        plan_through(Request(BEND), SPRUNG, small)
+
+
+def test_points_that_are_none() -> None:
+    limits = limits_of(SPRUNG, 0.9)
+    with pytest.raises(InputError, match="at least 3 of them"):
+        plan_through(Request(BEND[:2], closed=True), SPRUNG, limits)
+    with pytest.raises(InputError, match=r"points.2: is where the next one is"):
+        plan_through(Request(BEND[[0, 1, 1, 2]]), SPRUNG, limits)
+
+
+def test_a_table_with_names_or_without(tmp_path: Path) -> None:
+    path = tmp_path / "way.csv"
+    path.write_text("# a way\nname, y_m, x_m\na, 0.2, 0.1\nb, 0.4, 0.3\n")
+    assert read_points(path).points_m.tolist() == [[0.1, 0.2], [0.3, 0.4]]
+    path.write_text("0, 0\n1, 0\n1, 1\n0, 0\n")
+    closed = read_points(path)
+    assert (closed.points_m.tolist(), closed.closed) == ([[0, 0], [1, 0], [1, 1]], True)
+    for text, problem in (
+        ("a,b\n1,2\n", "there must be x_m and y_m"),
+        ("1,2\n3\n", "a line is not two numbers"),
+        ("", "no finite points"),
+    ):
+        path.write_text(text)
+        with pytest.raises(InputError, match=problem):
+            read_points(path)
+
+
+def test_a_drawing(tmp_path: Path) -> None:
+    path = tmp_path / "way.svg"
+    lines = {
+        '<polyline points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+        '<polygon points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], True),
+        '<path d="M 0 0 h 100 V 50 z"/>': ([[-50, 25], [50, 25], [50, -25]], True),
+        '<path d="m 0,0 100,0 0,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+    }
+    for line, (corners, closed) in lines.items():
+        path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><g>{line}</g></svg>')
+        got = read_points(path, 0.01)
+        assert got.points_m == pytest.approx(0.01 * np.array(corners)), line
+        assert got.closed is closed
+    for line, problem in (
+        ('<path d="M 0 0 C 1 1 2 2 3 3"/>', "has curves"),
+        ('<polyline transform="scale(2)" points="0,0 1,1"/>', "flatten it"),
+        ("<rect/>", "no polyline"),
+    ):
+        path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{line}</svg>')
+        with pytest.raises(InputError, match=problem):
+            read_points(path)
+    many = " ".join(f"{100 * np.cos(a)},{100 * np.sin(a)}" for a in np.linspace(0.0, 6.0, 500))
+    path.write_text(f'<svg><polyline points="{many}"/></svg>')
+    thinned = read_points(path)
+    assert (len(thinned.points_m), thinned.given) == (MOST_POINTS, 500)
+    apart = np.hypot(*np.diff(thinned.points_m, axis=0).T)
+    assert apart == pytest.approx(apart.mean(), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
+    (tmp_path / "way.csv").write_text("-0.4,-0.1\n0,0.1\n0.4,-0.1\n")
+    lean = ["--set", "output.recording=false", "--set", "output.figures=false"]
+    done = ttwmr("plan", "way.csv", "--out", "my path.csv", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "what limits it" in done.stdout
+    assert "drive it: ttwmr run my path.toml" in done.stdout
+    assert (tmp_path / "my path.png").stat().st_size > 10_000
+    assert not Knots.read(str(tmp_path / "my path.csv")).periodic
+    assert tt.load_scenario(str(tmp_path / "my path.toml")).name == "my_path"
+    run = ttwmr("run", "my path.toml", "--require", "followed", *lean, cwd=tmp_path)
+    assert run.returncode == 0, run.stdout + run.stderr
+    assert run.stderr == ""  # nothing that cannot be followed
+    again = ttwmr("plan", "way.csv", "--out", "my path.csv", cwd=tmp_path)
+    assert (again.returncode, "already" in again.stderr) == (2, True)
+    # of a scenario: its robot, and what drives it
+    words = ["--scenario", "outer_circle", "--set", "robot.tractor.mass_kg=1.0", "--closed"]
+    done = ttwmr("plan", "way.csv", *words, "--quiet", "--out", "round.csv", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    scenario = tt.load_scenario(str(tmp_path / "round.toml"))
+    assert scenario.robot.tractor.mass_kg == 1.0
+    assert scenario.robot.servo.preset == "fast"
+    assert scenario.controller.kind == "flatness"
+    assert Knots.read(str(tmp_path / "round.csv")).periodic
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--out", "plan.txt"], "a file that ends in .csv"),
+        (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
+        (["--workspace", "1.0"], "width and height"),
+        (["--scenario", "triple_inverted"], "plans are for one trailer"),
+    ],
+)
+def test_options_that_make_no_sense(
+    words: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "way.csv").write_text("-0.4,-0.1\n0,0.1\n0.4,-0.1\n")
+    assert main(["plan", str(tmp_path / "way.csv"), *words]) == 2
+    assert problem in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("more", [(), ("sensing.kind=camera",)], ids=["truth", "camera"])
+def test_the_shipped_course_is_followed(more: tuple[str, ...]) -> None:
+    """5 mm asked; 0.1 by truth and 0.5 by camera found."""
+    scenario = tt.load_scenario("waypoints", ["duration_s=40.0", *more])
+    result = tt.simulate(scenario)
+    (metrics,), (verdict,) = tt.score(result.trajectory, scenario.robot), result.verdicts
+    assert verdict.name == "followed"
+    for name in ("tractor", "trailer", "centre_of_oscillation"):
+        assert metrics[f"steady_{name}_rmse_m"] < 2e-3, name

@@ -1,0 +1,44 @@
+"""`ttwmr new`: a commented scenario to start from, and a law with its test."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from ttwmr_mj.cli.engine import Subcommand, argument, option
+from ttwmr_mj.errors import InputError
+
+
+class New(Subcommand, name="new"):
+    """Write a commented scenario to start from, and with --controller a law and its test."""
+
+    wanted: str = argument("name of the scenario: lower-case letters, digits, - and _")
+    controller: bool = option("also write a law, NAME_law.py, and its test, test_NAME_law.py")
+    out: Path = option("folder for the files", Path(), metavar="DIR")
+    force: bool = option("replace files that are there")
+
+    def __call__(self) -> int:
+        from ttwmr_mj.runs.template import template_files
+
+        if not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,57}", self.wanted):
+            allowed = "up to 58 lower-case letters, digits, - and _, a letter or digit first"
+            raise InputError.at("NAME", got=repr(self.wanted), allowed=allowed)
+        files = template_files(self.wanted, controller=self.controller)
+        there = [str(self.out / file) for file in files if (self.out / file).exists()]
+        if there and not self.force:
+            problem = f"there is {', '.join(there)} already"
+            raise InputError.at("NAME", problem, hint="take another, or add --force")
+        self._write(files)
+        scenario = self.out / f"{self.wanted}.toml"
+        print("\n".join(f"written: {self.out / file}" for file in files))
+        print(f"check it: ttwmr validate {scenario}\nrun it: ttwmr run {scenario}")
+        if self.controller:
+            print(f"test it: python -m pytest {self.out / list(files)[-1]}")
+        return 0
+
+    def _write(self, files: dict[str, str]) -> None:
+        from ttwmr_mj.files import write_text
+
+        self.out.mkdir(parents=True, exist_ok=True)
+        for file, text in files.items():
+            write_text(self.out / file, text)

@@ -1,0 +1,120 @@
+"""What a plan is delivered as: the table of knots, the scenario that drives it, and a picture."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tomli_w
+
+from ttwmr_mj.figures.plan import write_plan_figure
+from ttwmr_mj.files import write_text
+from ttwmr_mj.planning.knots import write_knots
+from ttwmr_mj.planning.through_points import UNITS, Found, Request
+from ttwmr_mj.planning.transcription import Limits
+from ttwmr_mj.references.planned import Planned
+from ttwmr_mj.robot import RobotParameters
+
+FINE_S = 0.02  # samples of the picture
+ROUNDS, HOLD_S = 2, 2.0  # that the scenario drives of a closed way; stands after one with an end
+STEERING = ("flatness", "mpc", "tvlqr")  # laws that follow with the trailer
+NEAR = 0.9  # share of a limit from which on it is said to be what limits the plan
+
+
+@dataclass(frozen=True, slots=True)
+class Delivered:
+    """Files that were written."""
+
+    plan: Path
+    scenario: Path
+    picture: Path
+
+
+def deliver(
+    out: Path,
+    request: Request,
+    found: Found,
+    robot: RobotParameters,
+    limits: Limits,
+    base: Mapping[str, Any],
+    command: str,
+) -> Delivered:
+    """Write OUT.csv, OUT.toml and OUT.png side by side.
+
+    Args:
+        out: the .csv file.
+        request: what was asked for.
+        found: the plan.
+        robot: that it is for.
+        limits: that it keeps.
+        base: a scenario's data whose robot, floor and so on it is driven with; may be empty.
+        command: that made it.
+    """
+    out.parent.mkdir(parents=True, exist_ok=True)
+    write_knots(out, found.plan, robot, command)
+    scenario, picture = out.with_suffix(".toml"), out.with_suffix(".png")
+    write_text(scenario, _scenario(out, request, found, base))
+    end = float(found.plan.time_s[-1])
+    time_s = np.linspace(0.0, end, round(end / FINE_S) + 1)
+    reference = Planned(plan=str(out.resolve())).sample(time_s, robot)
+    drawn = {"wheel speed": limits.wheel_speed_rad_s, "hitch angle": limits.hitch_angle_rad}
+    write_plan_figure(picture, reference, robot, request.points_m, drawn, _title(out, request, end))
+    return Delivered(out, scenario, picture)
+
+
+def what_limits(found: Found, limits: Limits) -> list[str]:
+    """Each limit's share in use, the most first; what is near one."""
+    sizes = {
+        "wheel speed": limits.wheel_speed_rad_s,
+        "wheel acceleration": limits.wheel_acceleration_rad_s2,
+        "lateral acceleration": limits.lateral_acceleration_m_s2,
+        "trailer's turn rate": limits.trailer_rate_rad_s,
+        "hitch angle": limits.hitch_angle_rad,
+        "workspace": 0.5 * max(limits.workspace_m),
+    }
+    lines = []
+    for group, share in sorted(found.used.items(), key=lambda item: -item[1]):
+        of = "" if group == "workspace" else f" of {sizes[group]:.3g} {UNITS[group]}"
+        lines.append(f"{group:21s} {100 * min(share, 1.0):4.0f} %{of}{'  *' * (share >= NEAR)}")
+    return lines
+
+
+def scenario_name(out: Path) -> str:
+    """A name that a scenario may have, from that of a file."""
+    name = re.sub(r"[^a-z0-9_-]+", "_", out.stem.lower()).strip("_-")
+    return (name or "plan")[:64]
+
+
+def _title(out: Path, request: Request, end_s: float) -> str:
+    count = len(request.points_m)
+    how = "round and round, one in" if request.closed else "from rest to rest in"
+    return f"{scenario_name(out)}: {count} points, {how} {end_s:.3g} s"
+
+
+def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]) -> str:
+    """The scenario's text; of a base, all but what the plan says."""
+    end = float(found.plan.time_s[-1])
+    duration = ROUNDS * end if request.closed else end + HOLD_S
+    controller = dict(base.get("controller", {}))
+    if controller.get("kind") not in STEERING:
+        controller = {"kind": "tvlqr"}
+    told = {
+        "name": scenario_name(out),
+        "description": _title(out, request, end).partition(": ")[2],
+        "duration_s": round(duration, 2),
+    }
+    kept = {key: value for key, value in base.items() if key not in {*told, "accept"}}
+    data = kept | {
+        "initial": {"kind": "on_reference"},
+        "reference": {"kind": "planned", "plan": out.name},
+        "controller": controller,
+    }
+    plain = {key: value for key, value in data.items() if not isinstance(value, dict)}
+    tables = {key: value for key, value in data.items() if isinstance(value, dict)}
+    head = [
+        f"# Drives the plan in {out.name}: ttwmr run {out.with_suffix('.toml').name}",
+        "# Laws that follow it, trailer and all: tvlqr, mpc; flatness where F'' does not vanish.",
+    ]
+    return "\n".join(head) + "\n" + tomli_w.dumps(told | plain) + "\n" + tomli_w.dumps(tables)

@@ -1,0 +1,135 @@
+"""Points of a way, read from a table or from a drawing's polyline."""
+
+import csv
+import re
+import xml.etree.ElementTree as ET
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.state import FloatArray
+
+MOST_POINTS = 60  # of a plan; a line that is drawn with more is thinned evenly
+LINES = ("polyline", "polygon", "path")
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+COMMAND = re.compile(r"([A-Za-z])([^A-Za-z]*)")
+
+
+@dataclass(frozen=True, slots=True)
+class Points:
+    """What a file gives."""
+
+    points_m: FloatArray  # (m, 2)
+    closed: bool  # the drawing's line ends where it begins
+    given: int  # points in the file, before thinning
+
+
+def read_points(path: Path, metres_per_unit: float = 1e-3) -> Points:
+    """Points of P from a .csv (x_m, y_m) or the first line of an .svg, centred, y up.
+
+    Args:
+        path: the file.
+        metres_per_unit: of a drawing.
+
+    Raises:
+        InputError: it cannot be read, or holds no points; says why.
+    """
+    try:
+        text = path.read_text(encoding="utf-8-sig")
+        if path.suffix.lower() == ".svg":
+            points, closed = _from_svg(text)
+            points = (points - 0.5 * (points.min(axis=0) + points.max(axis=0))) * metres_per_unit
+            points[:, 1] *= -1.0
+        else:
+            points, closed = _from_table(text), False
+    except (OSError, UnicodeDecodeError, ET.ParseError, ValueError) as error:
+        raise InputError(
+            Fault(problem=f"no points can be read: {error}"), file=str(path)
+        ) from error
+    if len(points) > 2 and np.hypot(*(points[-1] - points[0])) < 1e-6:
+        points, closed = points[:-1], True
+    return Points(_thinned(points, closed), closed, len(points))
+
+
+def _from_table(text: str) -> FloatArray:
+    """(m, 2) of lines "x, y", the first of which may be names; # begins a remark."""
+    lines = [line.partition("#")[0] for line in text.splitlines()]
+    rows = [row for row in csv.reader(lines, skipinitialspace=True) if "".join(row).strip()]
+    if rows and not NUMBER.fullmatch(rows[0][0].strip()):
+        names = [name.strip() for name in rows[0]]
+        if not {"x_m", "y_m"} <= set(names):
+            raise ValueError(f"the columns are {', '.join(names)}; there must be x_m and y_m")
+        columns = [names.index("x_m"), names.index("y_m")]
+        rows = rows[1:]
+    else:
+        columns = [0, 1]
+    try:
+        points = np.array([[float(row[i]) for i in columns] for row in rows])
+    except (ValueError, IndexError) as error:
+        raise ValueError(f"a line is not two numbers, x and y: {error}") from error
+    if not len(points) or not np.isfinite(points).all():
+        raise ValueError("there are no finite points")
+    return points
+
+
+def _from_svg(text: str) -> tuple[FloatArray, bool]:
+    """(m, 2) corners of the first line in a drawing, in its units, and whether it is closed."""
+    for element in ET.fromstring(text).iter():
+        kind = element.tag.rpartition("}")[2]
+        if kind not in LINES:
+            continue
+        if element.get("transform"):
+            raise ValueError(f"its {kind} has a transform; flatten it (Inkscape: ungroup, save)")
+        if kind == "path":
+            return _from_path(element.get("d", ""))
+        numbers = np.array([float(x) for x in NUMBER.findall(element.get("points", ""))])
+        if numbers.size < 4 or numbers.size % 2:
+            raise ValueError(f"its {kind} is not pairs of numbers")
+        return numbers.reshape(-1, 2), kind == "polygon"
+    raise ValueError(f"it has no {', '.join(LINES[:-1])} or {LINES[-1]}")
+
+
+def _from_path(d: str) -> tuple[FloatArray, bool]:
+    """Corners of a path of straight lines."""
+    points: list[tuple[float, float]] = []
+    at, closed = (0.0, 0.0), False
+    for letter, rest in COMMAND.findall(d):
+        numbers = [float(x) for x in NUMBER.findall(rest)]
+        base = at if letter.islower() else (0.0, 0.0)
+        if letter in "zZ":
+            closed = True
+            break
+        if letter in "hH":
+            steps = [(base[0] + x, at[1]) for x in numbers]
+        elif letter in "vV":
+            steps = [(at[0], base[1] + y) for y in numbers]
+        elif letter in "mMlL":
+            pairs = zip(numbers[::2], numbers[1::2], strict=False)
+            steps = _along(pairs, at, relative=letter.islower())
+        else:
+            raise ValueError(f"its path has curves ({letter}); make it a line of straight pieces")
+        points += steps
+        at = points[-1]
+    if len(points) < 2:
+        raise ValueError("its path has no two corners")
+    return np.array(points), closed
+
+
+def _along(pairs: object, at: tuple[float, float], *, relative: bool) -> list[tuple[float, float]]:
+    points = []
+    for x, y in pairs:  # type: ignore[attr-defined]
+        at = (at[0] + x, at[1] + y) if relative else (x, y)
+        points.append(at)
+    return points
+
+
+def _thinned(points: FloatArray, closed: bool) -> FloatArray:
+    """At most MOST_POINTS, evenly along the line."""
+    if len(points) <= MOST_POINTS:
+        return points
+    line = np.vstack([points, points[: int(closed)]])
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    at = np.linspace(0.0, along[-1], MOST_POINTS + int(closed))[:MOST_POINTS]
+    return np.stack([np.interp(at, along, line[:, i]) for i in (0, 1)], axis=-1)

@@ -1,0 +1,314 @@
+"""From points to a motion of tractor and trailer: P passes through all of them, in order.
+
+From rest to rest, aligned at both ends, or round and round. Between the points the way is free, and
+so is how the time is shared among the legs; what is minimised is the jerk, in units that grow with
+the pace, so that the way does not depend on it. Limits give way at a price (`elastic`): a plan
+always comes out, and if it exceeds a limit it is refused, with the limit and where.
+
+A free trailer takes the same way at any pace. Where no duration is asked for, more time than the
+mean pace takes has a price too, far below that of a limit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from ttwmr_mj.errors import Fault, InputError, RunError
+from ttwmr_mj.planning.elastic import Elastic, Exceeded
+from ttwmr_mj.planning.transcription import (
+    A1,
+    A2,
+    RATE,
+    STATES,
+    THETA1,
+    THETA2,
+    U1,
+    U2,
+    Limits,
+    Plan,
+    X,
+    Y,
+    knot_to_knot,
+)
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray
+
+CRUISE = 0.6  # of the wheels' speed: a mean pace that leaves room for bends
+LEAST_SPEED = 0.25  # of the mean; a robot that hardly moves cannot correct its trailer
+KNOTS_PER_SWING, LEAST_KNOTS = 8, 12  # in a swing length of the way; of a leg
+LEG_SHARE = (0.4, 2.5)  # of a leg's time, to what its length takes at the mean pace
+ENDS = 1.6  # the same of the first and last leg of a way from rest to rest
+JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
+PACE_M_S = 0.1
+MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
+ROOM = 1.03  # of advice, a little more than has to be
+MOST_ITERATIONS = 400
+# how a duration answers for a limit: speeds fall with it, accelerations with its square
+BY_TIME = {
+    "wheel speed": 1.0,
+    "trailer's turn rate": 1.0,
+    "wheel acceleration": 0.5,
+    "lateral acceleration": 0.5,
+}
+UNITS = {
+    "wheel speed": "rad/s",
+    "wheel acceleration": "rad/s²",
+    "lateral acceleration": "m/s²",
+    "trailer's turn rate": "rad/s",
+    "hitch angle": "rad",
+    "workspace": "m from its centre",
+    "least speed": "m/s",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A way that is asked for."""
+
+    points_m: FloatArray  # (m, 2) of P
+    closed: bool = False  # back to the first and round again; else from rest to rest
+    duration_s: float | None = None  # of one round, or from start to end; None: as it comes
+
+    @property
+    def corners_m(self) -> FloatArray:
+        """(legs + 1, 2) the points, the first again at the end if closed."""
+        return np.vstack([self.points_m, self.points_m[: int(self.closed)]])
+
+    @property
+    def legs_m(self) -> FloatArray:
+        """(legs,) straight distances."""
+        return np.asarray(np.hypot(*np.diff(self.corners_m, axis=0).T))
+
+    def faults(self) -> list[Fault]:
+        """Too few points, or neighbours that coincide."""
+        least = 3 if self.closed else 2
+        if len(self.points_m) < least:
+            told = f"at least {least} of them"
+            return [Fault(key=("points",), got=str(len(self.points_m)), allowed=told)]
+        near = np.flatnonzero(self.legs_m < 1e-3)
+        return [
+            Fault(
+                key=("points", int(i) + 1),
+                problem="is where the next one is; neighbours must be a millimetre apart",
+                hint="a closed way needs no copy of its first point" if self.closed else "",
+            )
+            for i in near
+        ]
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A plan that keeps its limits."""
+
+    plan: Plan
+    points_s: FloatArray  # (m,) when P is at each point
+    used: dict[str, float]  # group of limits → the largest share that is used
+
+
+def plan_through(
+    request: Request,
+    robot: RobotParameters,
+    limits: Limits,
+    progress: Callable[[int], None] | None = None,
+) -> Found:
+    """Plan; `progress` is called with the number of iterations made.
+
+    Raises:
+        InputError: there is no way through these points.
+        RunError: no plan was found; says which limit stands in the way, where, and what would do.
+    """
+    if faults := request.faults():
+        raise InputError(*faults)
+    pace = CRUISE * limits.wheel_speed_rad_s * robot.tractor.wheel_radius_m
+    duration = request.duration_s or float(request.legs_m.sum()) / pace
+    found, exceeded = _solve(request, robot, limits, _guess(request, robot, duration), progress)
+    if exceeded:
+        raise RunError(_refusal(exceeded, found, request))
+    return found
+
+
+@dataclass(frozen=True, slots=True)
+class _Guess:
+    """Where a search begins."""
+
+    knots: tuple[int, ...]  # of each leg
+    legs_s: FloatArray  # (legs,) times
+    state: FloatArray  # (n, 9)
+
+    @property
+    def duration_s(self) -> float:
+        return float(self.legs_s.sum())
+
+    @property
+    def time_s(self) -> FloatArray:
+        """(n,)."""
+        steps = np.repeat(self.legs_s / self.knots, self.knots)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def _guess(request: Request, robot: RobotParameters, duration_s: float) -> _Guess:
+    """A spline through the points, with the trailer outside of every bend."""
+    legs = request.legs_m
+    spacing = robot.swing_length_m / KNOTS_PER_SWING
+    knots = tuple(max(LEAST_KNOTS, int(np.ceil(leg / spacing))) for leg in legs)
+    weight = legs.copy()
+    if not request.closed:
+        weight[[0, -1]] *= ENDS
+    times = duration_s * weight / weight.sum()
+    blank = _Guess(knots, times, np.zeros((sum(knots) + 1, STATES)))
+    time_s = blank.time_s
+    at = np.concatenate([[0.0], np.cumsum(times)])
+    ends = "periodic" if request.closed else ((1, np.zeros(2)), (1, np.zeros(2)))
+    spline = CubicSpline(at, request.corners_m, bc_type=ends)
+    (vx, vy), state = spline(time_s, 1).T, blank.state
+    theta1 = np.unwrap(np.arctan2(vy, vx))
+    if not request.closed:  # at rest there is no direction
+        theta1[0], theta1[-1] = theta1[1], theta1[-2]
+    turn = np.gradient(theta1, time_s)
+    state[:, [X, Y]], state[:, THETA1] = spline(time_s), theta1
+    state[:, THETA2] = theta1 + 0.5 * np.pi * np.tanh(turn / (turn.std() + 1e-9))
+    state[:, RATE] = np.gradient(state[:, THETA2], time_s)
+    state[:, U1], state[:, U2] = np.hypot(vx, vy), turn
+    return blank
+
+
+def _solve(
+    request: Request,
+    robot: RobotParameters,
+    limits: Limits,
+    guess: _Guess,
+    progress: Callable[[int], None] | None,
+) -> tuple[Found, list[Exceeded]]:
+    """What is found, and which limits gave way."""
+    problem, n = ca.Opti(), sum(guess.knots) + 1
+    states, jerks = problem.variable(STATES, n), problem.variable(2, n)
+    legs_s = problem.variable(1, len(guess.knots))
+    steps = ca.horzcat(
+        *(ca.repmat(legs_s[0, i] / count, 1, count) for i, count in enumerate(guess.knots))
+    )
+    step = knot_to_knot(robot).map(n - 1)
+    problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
+    longer = ca.sum2(legs_s) / guess.duration_s
+    if request.duration_s is None:
+        problem.subject_to(problem.bounded(1.0, longer, MOST_TIME))
+    else:
+        problem.subject_to(longer == 1.0)
+    nominal = guess.legs_s[None]
+    problem.subject_to(LEG_SHARE[0] * longer * nominal <= legs_s)
+    problem.subject_to(legs_s <= LEG_SHARE[1] * longer * nominal)
+    at = np.concatenate([[0], np.cumsum(guess.knots)])[: len(request.points_m)]
+    for knot, point in zip(at, request.points_m, strict=True):
+        problem.subject_to(states[:2, int(knot)] == point)
+    _close(problem, states, jerks, guess) if request.closed else _rest(problem, states, jerks)
+    elastic = Elastic(problem)
+    mean = float(request.legs_m.sum()) / guess.duration_s
+    _limit(elastic, states, robot, limits, LEAST_SPEED * mean, _moving(request, guess))
+    scale = JERK_SCALE * (mean / PACE_M_S) ** 3
+    rough = 100.0 / n * ca.sumsqr(jerks / scale) * longer**6
+    problem.minimize(rough + TIME_PRICE * (longer - 1.0) + elastic.cost)
+    problem.set_initial(states, guess.state.T)
+    problem.set_initial(legs_s, nominal)
+    if progress is not None:
+        problem.callback(progress)
+    quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
+    quiet["max_iter"] = MOST_ITERATIONS
+    problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
+    try:
+        solution = problem.solve()
+    except RuntimeError as error:
+        status = problem.stats()["return_status"]
+        raise RunError(
+            f"no plan was found ({status}); try points that are further apart, gentler turns or "
+            "more time (--duration)"
+        ) from error
+    value_of = solution.value
+    took = np.atleast_1d(np.asarray(value_of(legs_s), dtype=np.float64))
+    time_s = replace(guess, legs_s=took).time_s
+    plan = Plan(time_s, np.array(value_of(states)).T, int(solution.stats()["iter_count"]))
+    return Found(plan, time_s[at], elastic.used(value_of)), elastic.exceeded(value_of)
+
+
+def _close(problem: Any, states: Any, jerks: Any, guess: _Guess) -> None:
+    """It ends as it began, but for whole turns."""
+    turns = round(float(guess.state[-1, THETA1] - guess.state[0, THETA1]) / (2.0 * np.pi))
+    round_trip = np.zeros(STATES)
+    round_trip[[THETA1, THETA2]] = 2.0 * np.pi * turns
+    problem.subject_to(states[:, -1] == states[:, 0] + round_trip)
+    problem.subject_to(jerks[:, -1] == jerks[:, 0])
+
+
+def _rest(problem: Any, states: Any, jerks: Any) -> None:
+    """At rest at both ends, the trailer behind the tractor."""
+    for column in (0, -1):
+        problem.subject_to(states[THETA2, column] == states[THETA1, column])
+        problem.subject_to(states[RATE:, column] == 0.0)
+        problem.subject_to(jerks[:, column] == 0.0)
+
+
+def _moving(request: Request, guess: _Guess) -> slice:
+    """The knots at which P keeps a least speed."""
+    if request.closed:
+        return slice(None)
+    first, last = guess.knots[0], guess.knots[-1]
+    return slice(first // 2, sum(guess.knots) + 1 - last // 2)
+
+
+def _limit(
+    elastic: Elastic,
+    states: Any,
+    robot: RobotParameters,
+    limits: Limits,
+    least_m_s: float,
+    moving: slice,
+) -> None:
+    half, radius = robot.half_track_m, robot.tractor.wheel_radius_m
+    for side in (1.0, -1.0):
+        speed = (states[U1, :] + side * half * states[U2, :]) / radius
+        change = (states[A1, :] + side * half * states[A2, :]) / radius
+        elastic.within("wheel speed", speed, limits.wheel_speed_rad_s)
+        elastic.within("wheel acceleration", change, limits.wheel_acceleration_rad_s2)
+    sideways = states[U1, :] * states[U2, :]
+    elastic.within("lateral acceleration", sideways, limits.lateral_acceleration_m_s2)
+    elastic.within("trailer's turn rate", states[RATE, :], limits.trailer_rate_rad_s)
+    elastic.within("hitch angle", states[THETA2, :] - states[THETA1, :], limits.hitch_angle_rad)
+    elastic.at_least("least speed", states[U1, moving], least_m_s)
+    for angle, reach in ((THETA1, limits.ahead_m), (THETA2, -limits.behind_m), (X, 0.0)):
+        x = states[X, :] + reach * ca.cos(states[angle, :])
+        y = states[Y, :] + reach * ca.sin(states[angle, :])
+        elastic.within("workspace", x, 0.5 * limits.workspace_m[0])
+        elastic.within("workspace", y, 0.5 * limits.workspace_m[1])
+
+
+def _refusal(exceeded: list[Exceeded], found: Found, request: Request) -> str:
+    """Which limits stand in the way, where, and what would do."""
+    lines = ["no plan keeps all limits:"]
+    for one in exceeded:
+        time_s = float(found.plan.time_s[min(one.knot, len(found.plan.time_s) - 1)])
+        after = int(np.searchsorted(found.points_s, time_s, side="right"))
+        following = after % len(request.points_m) + 1
+        what = "less than" if one.group == "least speed" else "more than"
+        share = (1.0 - one.share) if one.group == "least speed" else (1.0 + one.share)
+        lines.append(
+            f"  {one.group}: {share * one.limit:.3g} {UNITS[one.group]}, {what} the "
+            f"{one.limit:.3g} of the limit, between points {after} and {following}; "
+            f"{_remedy(one, float(found.plan.time_s[-1]))}"
+        )
+    return "\n".join(lines)
+
+
+def _remedy(one: Exceeded, duration_s: float) -> str:
+    if one.group in BY_TIME:
+        longer = ROOM * duration_s * (1.0 + one.share) ** BY_TIME[one.group]
+        return f"give it more time, --duration {longer:.3g}, or a servo that does more"
+    if one.group == "hitch angle":
+        angle = np.degrees((1.0 + one.share) * one.limit)
+        return f"allow --hitch-angle {np.ceil(angle):.0f} degrees, or make the turn there gentler"
+    if one.group == "workspace":
+        return "allow a larger --workspace, or move the points in"
+    return "move the points there apart, so that the robot need not nearly stop"

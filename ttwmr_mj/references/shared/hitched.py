@@ -1,0 +1,154 @@
+"""θ2 with which F keeps its path where the hitch has a spring and a damper.
+
+They add d = −(k_t·φ + c_t·φ̇)/J to θ̈2, φ = θ2 − θ1. F keeps its path if
+
+    (F'' − g_p)·n + k·d = 0,      P' = F' + k·θ̇2·n,      θ1 = direction of P',
+
+a differential equation for θ2, for φ̇ holds θ̈2. Where cos φ < 0 it has fast oscillations of its own,
+and integrated either way rounding grows. Wanted is the solution without these: least squares of the
+equation, in units of |F''|, and of ROUGH_S2·θ̈2 of what is added to the free trailer's θ2, at the
+samples of the reference, by Gauss-Newton steps. What is left of the equation is of the order
+ROUGH_S2²·ω⁴ of the addition, 2e-7 of it at 2 rad/s.
+"""
+
+import numpy as np
+from scipy.sparse import csc_array, dia_array
+from scipy.sparse.linalg import spsolve
+
+from ttwmr_mj.dynamics.flatness import dot, trailer_axes
+from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.state import FloatArray, wrap
+
+MOST_STEPS, CONVERGED_RAD = 20, 1e-9
+ROUGH_S2 = 1e-4
+BAND, PROBE_RAD = 2, 1e-6  # samples that a residual reaches to either side; of the differences
+
+
+def has_spring(robot: RobotParameters) -> bool:
+    """Whether a spring or a damper acts in the first hitch."""
+    return bool(robot.hitch.stiffness_n_m_rad or robot.hitch.damping_n_m_s_rad)
+
+
+def hitch_push(phi: FloatArray, phi_rate: FloatArray, robot: RobotParameters) -> FloatArray:
+    """(...) k·d of spring and damper [m/s²], of hitch angles and their rates (...)."""
+    hitch = robot.hitch
+    torque = hitch.stiffness_n_m_rad * phi + hitch.damping_n_m_s_rad * phi_rate
+    return np.asarray(-robot.swing_length_m / robot.swing_inertia_kg_m2 * torque)
+
+
+def hitched(
+    time_s: FloatArray,
+    flat: FloatArray,
+    theta2: FloatArray,
+    gravity: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray | None:
+    """What spring and damper add, k·d·n (n, batch, 2) [m/s²]; None: F cannot keep its path so.
+
+    Args:
+        time_s: (n,) evenly spaced.
+        flat: (n, batch, 3 or more, 2) F and its derivatives.
+        theta2: (n, batch, 3 or more) of a trailer with a free hitch, and its derivatives.
+        gravity: (batch, 2) g_p.
+        robot: with one trailer.
+    """
+    problem = _Problem(float(time_s[1] - time_s[0]), flat, theta2, gravity, robot)
+    added = np.zeros(theta2.shape[:2])
+    with np.errstate(all="ignore"):  # what diverges is given up below
+        for _ in range(MOST_STEPS):
+            step = problem.step(added)
+            if not np.isfinite(step).all():
+                return None
+            added = added + step
+            if np.abs(step).max() < CONVERGED_RAD:
+                return problem.push(added)
+    return None
+
+
+class _Problem:
+    """The equation along a reference."""
+
+    def __init__(
+        self,
+        step_s: float,
+        flat: FloatArray,
+        theta2: FloatArray,
+        gravity: FloatArray,
+        robot: RobotParameters,
+    ) -> None:
+        self._step, self._robot, self._theta2 = step_s, robot, theta2
+        self._velocity, self._acceleration = flat[:, :, 1], flat[:, :, 2]
+        self._pulled = flat[:, :, 2] - gravity
+        self._size = np.hypot(self._acceleration[..., 0], self._acceleration[..., 1])
+        n = len(flat)
+        second = np.tile([[1.0], [-2.0], [1.0]], n)
+        self._rough = csc_array(dia_array((second, (0, 1, 2)), shape=(n - 2, n)))
+        self._rough *= ROUGH_S2 / step_s**2
+
+    def residual(self, added: FloatArray) -> FloatArray:
+        """(n, batch) (F'' − g_p)·n + k·d, in units of |F''|."""
+        push, across = self._push(added)
+        return np.asarray((dot(self._pulled, across) + push) / self._size)
+
+    def push(self, added: FloatArray) -> FloatArray:
+        """(n, batch, 2) k·d·n."""
+        push, across = self._push(added)
+        return np.asarray(push[..., None] * across)
+
+    def step(self, added: FloatArray) -> FloatArray:
+        """(n, batch) what to add next."""
+        base, slopes = self.residual(added), self._slopes(added)
+        steps = np.full_like(added, np.nan)
+        for i in range(added.shape[1]):
+            if not (np.isfinite(base[:, i]).all() and np.isfinite(slopes[i]).all()):
+                continue
+            n, offsets = len(added), range(BAND, -BAND - 1, -1)
+            by_added = csc_array(dia_array((slopes[i], [*offsets]), shape=(n, n)))
+            matrix = by_added.T @ by_added + self._rough.T @ self._rough
+            slope = by_added.T @ base[:, i] + self._rough.T @ (self._rough @ added[:, i])
+            steps[:, i] = spsolve(csc_array(matrix), -slope)
+        return steps
+
+    def _slopes(self, added: FloatArray) -> FloatArray:
+        """(batch, 5, n) derivatives of the residual, as diagonals; a few columns at once."""
+        base, (n, batch) = self.residual(added), added.shape
+        bands = np.zeros((batch, 2 * BAND + 1, n))
+        for colour in range(2 * BAND + 1):
+            columns = np.arange(colour, n, 2 * BAND + 1)
+            probe = added.copy()
+            probe[columns] += PROBE_RAD
+            slope = (self.residual(probe) - base) / PROBE_RAD
+            for offset in range(-BAND, BAND + 1):
+                rows = columns + offset
+                there = (rows >= 0) & (rows < n)
+                bands[:, BAND + offset, columns[there]] = slope[rows[there]].T
+        return bands
+
+    def _push(self, added: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """k·d (n, batch), and n."""
+        robot, k = self._robot, self._robot.swing_length_m
+        rate, turn = _differences(added, self._step)
+        theta2, rate, turn = (
+            self._theta2[..., 0] + added,
+            self._theta2[..., 1] + rate,
+            self._theta2[..., 2] + turn,
+        )
+        along, across = trailer_axes(theta2 - robot.lean_rad)
+        velocity = self._velocity + (k * rate)[..., None] * across
+        bend = self._acceleration + k * (turn[..., None] * across - (rate**2)[..., None] * along)
+        theta1 = np.arctan2(velocity[..., 1], velocity[..., 0])
+        theta1_rate = _cross(velocity, bend) / dot(velocity, velocity)
+        return hitch_push(wrap(theta2 - theta1), rate - theta1_rate, robot), across
+
+
+def _differences(values: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+    """First and second derivative (n, batch), of second order."""
+    second = np.empty_like(values)
+    second[1:-1] = (values[2:] - 2.0 * values[1:-1] + values[:-2]) / step**2
+    second[0], second[-1] = second[1], second[-2]
+    return np.gradient(values, step, axis=0, edge_order=2), second
+
+
+def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
+    """(...) z component of a × b for plane vectors (..., 2)."""
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])

@@ -1,0 +1,110 @@
+"""What a scenario asks for and cannot get, said before it is run: where, when, and what would do.
+
+One function for every command; none of it stops a run, for a law may come close all the same.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+
+from ttwmr_mj.errors import Fault
+from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
+from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.verdict import demands_of
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.state import FloatArray
+
+WORTH_TELLING = 0.2  # of the pace, of what a trailer could follow were it slower
+OF_THE_TRAILER = (
+    "a flat_* reference or one made by `ttwmr plan` is a motion that the trailer follows"
+)
+
+
+def foreseen(scenario: Scenario) -> list[Fault]:
+    """What this robot cannot do of what the reference asks, longer than for a moment."""
+    reference = sample_reference(scenario)
+    if reference is None:
+        return []
+    until_end = reference.until(scenario.periods + 1)
+    asked = _demands(scenario, until_end)
+    return [
+        demand.fault(float(until_end.time_s[-1]), _hint(scenario, until_end, demand))
+        for demand in asked.broken
+    ]
+
+
+def foretold(scenario: Scenario) -> list[str]:
+    """The same in a line each."""
+    return [f"{scenario.name}: {fault}" for fault in foreseen(scenario)]
+
+
+def _demands(scenario: Scenario, reference: ReferencePath) -> Feasibility:
+    """Of robot, floor and camera."""
+    asked = demands_of(scenario, reference)
+    assert asked is not None
+    seen = [_in_picture(scenario, reference)] if scenario.sensing.kind == "camera" else []
+    return Feasibility((*asked.checks, *seen))
+
+
+def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
+    """What would be feasible."""
+    if demand.name == "picture":
+        return "move the reference, make it smaller, or hang the camera higher"
+    broken = partial(_breaks, partial(demands_of, scenario), demand.name)
+    pace = feasible_pace(broken, reference)
+    trailer = demand.name == "free trailer"
+    if pace < (WORTH_TELLING if trailer else LEAST_PACE):
+        return _of_the_trailer(scenario) if trailer else "at no pace is it possible"
+    options = scenario.reference.paced(pace)
+    told = ", ".join(f"reference.{name}={_rounded(name, v)}" for name, v in options.items())
+    slower = f"possible at {_rounded('', pace)} of the pace{f': {told}' if told else ''}"
+    return f"{slower}; {_of_the_trailer(scenario)}" if trailer else slower
+
+
+def _breaks(
+    demands: Callable[[ReferencePath], Feasibility | None], name: str, path: ReferencePath
+) -> bool:
+    asked = demands(path)
+    return asked is not None and not asked[name].kept
+
+
+def _of_the_trailer(scenario: Scenario) -> str:
+    """What the trailer could follow instead."""
+    if getattr(scenario.reference, "theta2", None) in ("aligned", "outward"):
+        return f"reference.theta2='none' asks nothing of the trailer; {OF_THE_TRAILER}"
+    return OF_THE_TRAILER
+
+
+def _rounded(name: str, value: float) -> str:
+    """Three digits; to the slower side, so that what is told is possible."""
+    size = 10.0 ** (np.floor(np.log10(abs(value))) - 2)
+    up = name.endswith("_s") and not name.endswith(("rad_s", "m_s"))
+    towards = np.ceil if up else np.floor
+    return f"{np.copysign(towards(abs(value) / size) * size, value):.3g}"
+
+
+def _in_picture(scenario: Scenario, reference: ReferencePath) -> Demand:
+    """How far the labels are out of the picture, at their outer edges [px]."""
+    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.vision.camera.labels import read_layout
+    from ttwmr_mj.vision.camera.model import hang_camera
+
+    assert scenario.sensing.kind == "camera", "only then is there a picture"
+    model = build_model(scenario.robot, scenario.plant.contact)
+    layout = read_layout(model)
+    camera = hang_camera(model, scenario.sensing.camera)
+    q = _with_trailer(reference.q)
+    centre = camera.project(layout.centres_m(q))
+    radius = layout.radius_m / np.array([camera.metres_per_pixel(z) for z in layout.height_m])
+    size = np.array([camera.width_px, camera.height_px]) - 1.0
+    beyond = np.maximum(-centre, centre - size).max(axis=-1) + radius
+    along = Along(reference.time_s, reference.position_m)
+    return along.at_most("picture", "px", np.maximum(beyond, 0.0), 0.0, "sensing", "camera")
+
+
+def _with_trailer(q: FloatArray) -> FloatArray:
+    """Where θ2 is undefined the trailer counts as in line with the tractor."""
+    return np.concatenate([q[..., :3], np.where(np.isnan(q[..., 3:]), q[..., 2:3], q[..., 3:])], -1)

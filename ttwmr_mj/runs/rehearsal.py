@@ -1,0 +1,47 @@
+"""A scenario's law without a run: read, or loaded and started with a dry task."""
+
+from pathlib import Path
+
+from ttwmr_mj.controllers.base import Task
+from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.controllers.shared.source import inspected
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.runs import build
+from ttwmr_mj.scenario.schema import Scenario
+
+
+def law_faults(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
+    """What is wrong with a law of the user's; of those of this package nothing.
+
+    Args:
+        scenario: whose law it is.
+        folder: of its file.
+        load: import the law and start it: runs the user's code. Else its file is read.
+    """
+    options = scenario.controller
+    if not isinstance(options, CustomOptions):
+        return []
+    if not load:
+        return inspected(options.target, options.options, folder)
+    try:
+        law = build.make_controller(scenario, folder)
+        law.start(_dry_task(scenario))
+    except InputError as error:
+        return list(error.faults)
+    except (Exception, SystemExit) as error:  # a user's law may raise anything
+        problem = f"controller.start() raised {type(error).__name__}: {error}"
+        return [Fault(key=("controller", "target"), got=repr(options.target), problem=problem)]
+    return []
+
+
+def _dry_task(scenario: Scenario) -> Task:
+    """The task of a run of it."""
+    return Task(
+        scenario.believed_robot,
+        build.believed_reference(scenario),
+        scenario.control.sampling_time_s,
+        1,
+        build.generator(scenario.seed, "controller"),
+        scenario.believed_ground,
+        scenario.believed_command_latency_s,
+    )
