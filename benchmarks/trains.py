@@ -27,11 +27,15 @@ BELIEVED = 0.7  # share of the friction
 
 
 def scenario_of(
-    sides: tuple[str, ...], height_m: float, sensing: str, friction_n_m: float
+    sides: tuple[str, ...],
+    height_m: float,
+    sensing: str,
+    friction_n_m: float,
+    hitch_m: float = 0.23,
 ) -> tt.Scenario:
     """A train on its circle."""
     count = len(sides)
-    towing = [{"next_hitch_offset_m": 0.23}] * (count - 1)
+    towing = [{"next_hitch_offset_m": hitch_m}] * (count - 1)
     tables = {
         "robot.trailers": [*towing, {}],
         "robot.hitches": [{"coulomb_friction_n_m": friction_n_m}] * count,
