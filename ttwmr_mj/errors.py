@@ -53,6 +53,14 @@ def shown(value: Any) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def described(error: BaseException) -> str:
+    """The kind of an exception and what it says of itself, if it can."""
+    try:
+        return f"{type(error).__name__}: {error}"
+    except Exception as other:
+        return f"{type(error).__name__} (whose text raised {type(other).__name__})"
+
+
 def printable(text: str) -> str:
     """A text without what a terminal would obey, such as a name from a stranger's file may hold.
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import tomllib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -58,11 +60,29 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(deep)
 
 
+@contextmanager
+def written(path: Path) -> Iterator[Path]:
+    """Where to write a file that appears whole or not at all; nothing is left of a failure.
+
+    What is no file, such as /dev/stdout, is written to as it is: it cannot be replaced.
+    """
+    if path.exists() and not path.is_file():
+        yield path
+        return
+    temporary = path.with_name(path.name + ".part")
+    try:
+        yield temporary
+        temporary.replace(path)
+    except BaseException:
+        with suppress(OSError):
+            temporary.unlink()
+        raise
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file under a temporary name, then rename it."""
-    temporary = path.with_name(path.name + ".part")
-    temporary.write_text(text, encoding="utf-8")
-    temporary.replace(path)
+    with written(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -74,9 +94,8 @@ def write_parquet(table: pa.Table, path: Path) -> None:
     """Write a table; the file appears whole or not at all."""
     import pyarrow.parquet as pq
 
-    temporary = path.with_name(path.name + ".part")
-    pq.write_table(table, temporary)
-    temporary.replace(path)
+    with written(path) as temporary:
+        pq.write_table(table, temporary)
 
 
 def input_file(remedy: str) -> AfterValidator:

@@ -8,7 +8,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from ttwmr_mj.errors import InputError, RunError, TtwmrError, printable
+from ttwmr_mj.errors import InputError, RunError, TtwmrError, described, printable
 
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
 # what the user named cannot be used; any other error of the system is no fault of the input
@@ -111,16 +111,8 @@ def _meaning(error: BaseException) -> tuple[str, int]:
             return "the input is nested too deeply", WRONG
         case MemoryError():
             return "out of memory; files that were complete are kept", FAILED
-    words = f"{type(error).__name__}: {described(error)}".splitlines() or [""]
-    return f"unexpected {_short(words[0], 300)}; --debug shows where, please report it", FAILED
-
-
-def described(error: BaseException) -> str:
-    """What an exception says of itself, if it can."""
-    try:
-        return str(error)
-    except Exception as other:
-        return f"(its text raised {type(other).__name__})"
+    words = described(error).splitlines()[0]
+    return f"unexpected {_short(words, 300)}; --debug shows where, please report it", FAILED
 
 
 def _short(text: str, most: int = 100) -> str:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, Literal
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, described
 
 
 class CustomOptions(ControllerOptions):
@@ -33,10 +33,12 @@ class CustomOptions(ControllerOptions):
         sys.path.insert(0, str(folder.resolve()))
         try:
             module = importlib.import_module(module_name)
-        except Exception as error:  # a user's module may raise anything
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:  # a user's module may raise anything, and leave
             raise InputError.at(
                 key,
-                f"importing {module_name} raised {type(error).__name__}: {error}",
+                f"importing {module_name} raised {described(error)}",
                 got=got,
                 hint=f"it must be beside the scenario ({folder}) or on the Python path",
             ) from error
@@ -50,6 +52,8 @@ class CustomOptions(ControllerOptions):
             raise InputError.at(key, problem, got=got)
         try:
             return found(**self.options)
-        except Exception as error:
-            problem = f"{class_name}(**controller.options) raised {type(error).__name__}: {error}"
+        except KeyboardInterrupt:
+            raise
+        except BaseException as error:
+            problem = f"{class_name}(**controller.options) raised {described(error)}"
             raise InputError.at(key, problem, got=got) from error

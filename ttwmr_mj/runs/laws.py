@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, described
 from ttwmr_mj.runs.deadline import Deadline, Overrun
 from ttwmr_mj.sensing import Estimate
 
@@ -77,10 +77,10 @@ class Laws:
         for part in self._parts:
             try:
                 part.controller.start(part.task)
-            except InputError:
+            except (InputError, KeyboardInterrupt):
                 raise
-            except (Exception, SystemExit) as error:  # a law of the user's may raise anything
-                reason = f"controller.start() raised {type(error).__name__}: {error}"
+            except BaseException as error:  # a law of the user's may raise anything
+                reason = f"controller.start() raised {described(error)}"
                 broken.append(Broken(part.who.tolist(), reason, error))
         return broken
 
@@ -122,7 +122,9 @@ class Laws:
             if self._torque_input:
                 command = _with_torques_logged(command, part.who.size)
             self._check(command, part.who.size)
-        except (Exception, SystemExit, Overrun) as error:
+        except KeyboardInterrupt:  # of the user, who is not to be ignored
+            raise
+        except BaseException as error:
             time_s = k * part.task.sampling_time_s
             return Broken(part.who.tolist(), _broken(error, time_s, self.deadline.limit_s), error)
         return command
@@ -132,6 +134,12 @@ class Laws:
         shape = np.shape(command.wheel_speed_rad_s)
         if shape != (nsim, 2):
             raise ValueError(f"wheel speeds have shape {shape}, allowed: ({nsim}, 2)")
+        for name in ("saturated", "near_singular"):
+            if np.shape(getattr(command, name)) != (nsim,):
+                got = np.shape(getattr(command, name))
+                raise ValueError(f"{name} has shape {got}, allowed: ({nsim},)")
+        if np.asarray(command.wheel_speed_rad_s).dtype.kind not in "fiu":
+            raise ValueError("wheel speeds are not real numbers")
         if self._names is None:  # the first command says which signals there are
             self._refuse_names(command.signals)
             self._names = tuple(command.signals)
@@ -208,9 +216,9 @@ def _broken(error: BaseException, time_s: float = 0.0, limit_s: float = 0.0) -> 
     """Why a controller gave no command, in words."""
     if isinstance(error, IndexError):
         hint = "; beyond its samples a reference goes on with task.reference.at(k)"
-        return f"controller.command() raised IndexError: {error}{hint}"
+        return f"controller.command() raised {described(error)}{hint}"
     if not isinstance(error, Overrun):
-        return f"controller.command() raised {type(error).__name__}: {error}"
+        return f"controller.command() raised {described(error)}"
     return (
         f"the controller timed out after {limit_s:g} s at its sample at t = {time_s:.3f} s "
         "(limit: control.controller_time_limit_s)"

@@ -5,7 +5,7 @@ from pathlib import Path
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.controllers.shared.source import inspected
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, described
 from ttwmr_mj.runs import build
 from ttwmr_mj.scenario.schema import Scenario
 
@@ -28,8 +28,10 @@ def law_faults(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
         law.start(_dry_task(scenario))
     except InputError as error:
         return list(error.faults)
-    except (Exception, SystemExit) as error:  # a user's law may raise anything
-        problem = f"controller.start() raised {type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as error:  # a user's law may raise anything
+        problem = f"controller.start() raised {described(error)}"
         return [Fault(key=("controller", "target"), got=repr(options.target), problem=problem)]
     return []
 

@@ -1,5 +1,6 @@
 """Calibrations as OpenCV FileStorage YAML: what cv2 and other tools read, checked on the way in."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -25,6 +26,11 @@ CONTENT: dict[str, tuple[tuple[int, ...], Callable[[Calibration], Any]]] = {
     "floor_rms_px": ((), lambda saved: saved.floor_rms_px),
     "views": ((), lambda saved: saved.views),
 }
+MATRIX = re.compile(
+    r"!!opencv-matrix\s+rows: ([1-9])\s+cols: ([1-9])\s+dt: d\s+data: \[([-+.,\w\s]*)\]"
+)
+MOST_LETTERS = 10_000
+MOST_FOCAL_PX = 1e6
 COUNTS = ("image_width", "image_height", "views")
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
 FIX = "write a fresh one with `ttwmr calibrate`"
@@ -61,6 +67,7 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
         raise InputError(Fault(problem="no such calibration file", hint=FIX), file=str(path))
     try:
         text = path.read_text(encoding="utf-8")
+        _refuse_unlike(text)
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
         calibration = _read(storage, path)
     # OpenCV's binding raises the one or the other
@@ -78,13 +85,31 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
     return calibration
 
 
+def _refuse_unlike(text: str) -> None:
+    """OpenCV's reader trusts what a matrix says of its size, and other YAML it takes as it comes.
+
+    Raises:
+        ValueError: the text is not of the kind that `save_calibration` writes.
+    """
+    matrices = MATRIX.findall(text)
+    if len(matrices) != text.count("!") // 2 or len(text) > MOST_LETTERS:
+        raise ValueError("something else than small matrices of numbers")
+    if any(int(rows) * int(cols) != len(data.split(",")) for rows, cols, data in matrices):
+        raise ValueError("a matrix that does not have as many numbers as it says")
+
+
 def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
     value = {key: _value(storage.getNode(key), key, path) for key in CONTENT}
     matrix, rotation = value["camera_matrix"], value["rotation_world_to_camera"]
-    if not np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE):
+    orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE)
+    if not orthonormal or np.linalg.det(rotation) < 0.0:
         raise _fault(path, "rotation_world_to_camera", problem="is not a rotation matrix")
     if min(matrix[0, 0], matrix[1, 1]) <= 0:
         raise _fault(path, "camera_matrix", problem="has a focal length that is not positive")
+    if max(matrix[0, 0], matrix[1, 1]) > MOST_FOCAL_PX:
+        raise _fault(path, "camera_matrix", problem="has a focal length beyond all lenses")
+    if value["camera_position_m"].ravel()[2] <= 0.0:
+        raise _fault(path, "camera_position_m", problem="is not above the floor")
     camera = CameraModel(
         width_px=int(value["image_width"]),
         height_px=int(value["image_height"]),
