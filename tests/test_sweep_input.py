@@ -41,7 +41,7 @@ BAD = {
     ),
     "a value out of range": (
         varied('"robot.trailer.mass_kg" = { values = [0.3, -0.3] }'),
-        "robot.trailer.mass_kg: got -0.3; allowed: greater than 0",
+        "robot.trailer.mass_kg: got -0.3; allowed: greater than or equal to 0.000000001",
     ),
     "no values": (varied(RADIUS + "{ values = [] }"), "allowed: at least 1 of them"),
     "one value": (
@@ -199,7 +199,7 @@ def test_all_faults_are_told_at_once(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["sweep", written(tmp_path, text.replace('"wide"', "-1.0"))]) == 2
     err = capsys.readouterr().err
     assert "unknown key" in err
-    assert "got -0.3; allowed: greater than 0" in err
+    assert "got -0.3; allowed: greater than or equal to 0.000000001" in err
 
 
 def test_a_parameter_that_changes_nothing_is_refused(tmp_path: Path) -> None:

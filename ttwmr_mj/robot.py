@@ -77,7 +77,7 @@ class Trailer(Config):
     """A trailer (Table I), with its two spherical wheels."""
 
     mass_kg: float = Field(
-        default=0.33, gt=0, le=1e3, description="m2: mass of the whole trailer; Table I: 0.33"
+        default=0.33, ge=1e-9, le=1e3, description="m2: mass of the whole trailer; Table I: 0.33"
     )
     yaw_inertia_kg_m2: float = Field(
         default=0.00078,
@@ -87,7 +87,7 @@ class Trailer(Config):
     )
     com_offset_m: float = Field(
         default=0.141,
-        gt=0,
+        ge=1e-9,
         le=10,
         description="l: distance from its hitch backward to the COM; Table I: 0.141",
     )

@@ -13,7 +13,7 @@ class ControlOptions(Config):
 
     sampling_time_s: float = Field(
         default=0.033,
-        gt=0,
+        ge=1e-6,
         le=10,
         description="control period, the time between commands; Section 4: 0.033",
     )
