@@ -164,7 +164,7 @@ def test_other_values_are_laid_over_a_robot() -> None:
     assert [trailer.mass_kg for trailer in every.trailers] == [0.5, 3.0]
     assert every.trailer.next_hitch_offset_m == 0.4
     assert every.hitches == TRAIN.hitches
-    with pytest.raises(ValidationError, match="greater than or equal to 0.000000001"):
+    with pytest.raises(ValidationError, match=r"greater than or equal to 0\.000000001"):
         fast.overridden({"trailer": {"mass_kg": 0.0}})
     assert fast.overridden({}) == fast
 
