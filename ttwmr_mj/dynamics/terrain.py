@@ -1,7 +1,7 @@
 """Ground that is not flat: rolling terrain and kerbs. Only contact physics drives over it.
 
 Rolling terrain is a Gaussian random field of heights z over the floor's plane, with the correlation
-exp(−r²/L²) at a distance r; its mean slope in any direction is √2·rms/L. It is made on a grid by
+exp(−r²/L²) at a distance r; its rms slope in any direction is √2·rms/L. It is made on a grid by
 filtering white noise, and scaled so that its rms height is exactly the one asked for. A picture
 may stand in its place, its grey levels scaled to the same rms height.
 """

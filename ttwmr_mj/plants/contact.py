@@ -84,7 +84,6 @@ class ContactPlant(Plant):
         self._back = column(drive.back)
         self._firmware = Firmware(columns(motor)) if (motor := robot.servo.motor) else None
         self._regions, self._elsewhere = columns(ground).regions, column(options.floor_friction)
-        trailers = self._joints.trailers
         self._leans = any(np.any(trailer.com_lateral_m) for trailer in robot.trailers)
         threads = nthread or min(nsim, os.cpu_count() or 1)
         self._settled_qpos = self._settle(self.models, threads)
@@ -99,18 +98,10 @@ class ContactPlant(Plant):
         self._sensordata = self._batch.bind("sensordata")
         self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
-        self._chassis = {"tractor": int(self.model.body("tractor").id)}
-        for i in range(trailers):
-            body = self.model.body(trailer_part("trailer", i))
-            self._chassis[f"trailer_{i + 1}" if i else "trailer"] = int(body.id)
         self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
-        self._balls = [int(self.model.body(name).id) for name in casters(trailers)]
-        touching = contacts(trailers)
-        self._touching = [int(self.model.body(name).id) for name in touching]
-        self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
-        self._contact_columns = _contact_columns(self.model, touching)
+        self._find_bodies(self._joints.trailers)
         self._theta1: FloatArray = np.zeros(nsim)
         self._first_theta1 = self._theta1
         reliefs = {id(model): Relief(model) for model in self.models}
@@ -120,6 +111,18 @@ class ContactPlant(Plant):
         self._time: FloatArray = np.zeros(0)
         self._record: tuple[str, ...] = ()
         self._passed: list[tuple[FloatArray, FloatArray, FloatArray]] = []
+
+    def _find_bodies(self, trailers: int) -> None:
+        """Where the model has the bodies that are pushed, roll or touch the ground."""
+        self._chassis = {"tractor": int(self.model.body("tractor").id)}
+        for i in range(trailers):
+            body = self.model.body(trailer_part("trailer", i))
+            self._chassis[f"trailer_{i + 1}" if i else "trailer"] = int(body.id)
+        self._balls = [int(self.model.body(name).id) for name in casters(trailers)]
+        touching = contacts(trailers)
+        self._touching = [int(self.model.body(name).id) for name in touching]
+        self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
+        self._contact_columns = _contact_columns(self.model, touching)
 
     def _settle(self, models: list[mujoco.MjModel], threads: int) -> FloatArray:
         """(nsim, nq) generalized positions of robots standing in their contacts at the origin.

@@ -63,6 +63,8 @@ def build_spec(
         if robot.hitch.play_m > 0:
             _loosen_pin(spec, robot.hitch.play_m, options.contact_time_constant_s)
     except AttributeError as error:
+        if error.obj is not None:  # only of a part that is missing there is nothing
+            raise
         raise InputError.at(
             "plant.contact.model_path",
             f"a part of the robot is missing ({error})",

@@ -40,8 +40,8 @@ PRIOR_STD = np.array([0.2, 0.2, 0.12, 0.14, 0.14])
 FORGETTING_1_S = 0.01  # share of the prior's variance that comes back in a second: floors change
 # How fast the unexplained θ̈2 may change while others are learned, per √s: six times as fast as
 # without, or forces would have to explain what they cannot (friction that sticks, a length that is
-# wrong). Of 16 unkind worlds by camera tvlqr follows 15 at 0.15 and all at 0.3 and 0.5, at medians
-# of 4.1, 4.3 and 5.0 mm.
+# wrong). Of 16 unkind worlds by camera tvlqr followed 15 at 0.15 and all at 0.3 and 0.5, at medians
+# of 4.1, 4.3 and 5.0 mm, while w was not forgotten.
 UNEXPLAINED_WALK_RAD_S2 = 0.3
 # Time in which it is forgotten where rolling resistance is learned. On a circle the two look alike:
 # if w lasted, resistance and its opposite in w would drift apart, to 2e-4 m, and tvlqr with a motor
