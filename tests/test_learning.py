@@ -328,3 +328,19 @@ def test_another_latency_is_a_new_beginning() -> None:
         np.testing.assert_array_equal(was.influence, 0.0)
         np.testing.assert_array_equal(was.unexplained, 0.0)
     np.testing.assert_allclose(observer.learner.std()[0], PRIOR_STD, rtol=1e-12)
+
+
+def test_the_wheel_that_changes_more_decides_what_a_motor_may_miss() -> None:
+    robot = BELIEVED.model_copy(update={"servo": Servo(preset="fast", motor=Motor(preset="fast"))})
+    start, wheels = on_a_circle()
+    rates = []
+    for change in ((0.0, 0.0), (2.0, 0.0), (2.0, 2.0)):
+        filt = Learner(EVERYTHING, robot, PERIOD, 1, process_std(OPTIONS, PERIOD), NOISE, 0.05)
+        observer = Observer(robot, SampledModel(robot, PERIOD), OPTIONS, filt)
+        observer.update(seen_of(start.q, start.q_rate, np.zeros((1, 8))))
+        observer._patience = 0
+        observer.commanded(wheels + np.array([change]))
+        rates.append(filt._covariance[0, 1, 1])
+    steady, one, both = rates
+    assert one > steady
+    assert both == one

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from mujoco import batch
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants import mjcf
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model, build_spec
 from ttwmr_mj.plants.names import CONTACTS
@@ -194,3 +197,21 @@ def test_hitch_and_caster_parameters_reach_the_model() -> None:
     assert runner.stiffness[0] * model.qpos_spring[runner.qposadr[0]] == pytest.approx(
         -load * 1e-4 / 0.008
     )
+
+
+def test_a_scene_that_lacks_a_part_says_so(tmp_path: Path) -> None:
+    scene = tmp_path / "scene.xml"
+    robot = (models_folder() / "scene.xml").read_text(encoding="utf-8")
+    scene.write_text(
+        robot.replace('name="floor"', 'name="ground"').replace(
+            '"ttwmr.xml"', f'"{models_folder() / "ttwmr.xml"}"'
+        )
+    )
+    with pytest.raises(InputError, match="a part of the robot is missing"):
+        build_model(RobotParameters(), ContactOptions(model_path=str(scene)))
+
+
+def test_a_bug_of_ours_is_no_fault_of_the_scene(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mjcf, "add_relief", lambda _, ground: ground.no_such_key)
+    with pytest.raises(AttributeError, match="no_such_key"):
+        build_model(RobotParameters(), ContactOptions())
