@@ -125,14 +125,14 @@ class Motor(Config):
     )
     encoder_window_s: float = Field(
         default=0.01,
-        gt=0,
+        ge=1e-6,
         le=1,
         description="time over which counts are differenced to a speed, a whole number of loop "
         "periods; typically 0.01",
     )
     loop_period_s: float = Field(
         default=0.001,
-        gt=0,
+        ge=1e-6,
         le=1,
         description="period of the firmware's speed loop, a whole number of physics steps; "
         "typically 0.001",

@@ -9,7 +9,7 @@ from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import parse_toml, read_toml
+from ttwmr_mj.files import is_file, parse_toml, read_toml
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import faults_of, suggestion
@@ -23,7 +23,7 @@ def find_scenario(name_or_path: str) -> Path:
         InputError: neither exists; the message lists what ships.
     """
     path = Path(name_or_path)
-    if path.is_file():
+    if is_file(path):
         return path
     shipped = shipped_scenarios()
     if name_or_path in shipped:

@@ -50,6 +50,8 @@ LEAST_ACCELERATION_M_S2 = 1e-3
 LEAST_PACE, PACES = 0.02, 12  # of `feasible_pace`: what is slower is no answer; halvings
 
 
+# what is asked of an absurd robot may be beyond numbers; that is broken then, and no warning
+@np.errstate(over="ignore", invalid="ignore")
 def check_feasibility(
     reference: ReferencePath,
     robot: RobotParameters,

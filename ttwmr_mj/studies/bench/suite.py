@@ -29,7 +29,7 @@ from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import read_toml
+from ttwmr_mj.files import is_file, read_toml
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
@@ -175,7 +175,7 @@ def shipped_suites() -> dict[str, Path]:
 
 def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
-    if path.is_file():
+    if is_file(path):
         return path
     shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
     if name_or_path not in shipped:
@@ -194,7 +194,7 @@ def _find(name_or_path: str) -> Path:
 def _placed(task: Choice, folder: Path) -> Choice:
     """The task with its scenario's path from here, if it lies beside the suite."""
     beside = folder / str(task.scenario)
-    return task.model_copy(update={"scenario": str(beside)}) if beside.is_file() else task
+    return task.model_copy(update={"scenario": str(beside)}) if is_file(beside) else task
 
 
 def _faults(suite: Suite) -> list[Fault]:

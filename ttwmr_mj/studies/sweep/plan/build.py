@@ -10,6 +10,7 @@ import numpy as np
 
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import is_file
 from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.report import HEADLINES
 from ttwmr_mj.scenario.file import find_scenario, read_scenario
@@ -37,7 +38,7 @@ def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
     """
     file = request.file
     beside = request.folder / file.scenario
-    path = find_scenario(str(beside) if beside.is_file() else file.scenario)
+    path = find_scenario(str(beside) if is_file(beside) else file.scenario)
     shipped = path.parent.resolve() == scenarios_folder().resolve()
     plan = Plan(
         name=file.name,

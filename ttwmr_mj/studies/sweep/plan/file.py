@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import Config
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import read_toml
+from ttwmr_mj.files import is_file, read_toml
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.studies.bench.suite import is_suite
@@ -164,7 +164,7 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
 
 def _find(name_or_path: str) -> Path:
     path = Path(name_or_path)
-    if path.is_file():
+    if is_file(path):
         return path
     places = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
     named = path.stem if path.parent.name == "sweeps" and path.suffix == ".toml" else name_or_path
