@@ -39,7 +39,8 @@ class CameraSensing(SensingOptions):
     @model_validator(mode="before")
     @classmethod
     def _fill_from_preset(cls, given: Any) -> Any:
-        if not isinstance(given, dict) or given.get("preset", "lab") not in PRESETS:
+        preset = given.get("preset", "lab") if isinstance(given, dict) else None
+        if not isinstance(preset, str) or preset not in PRESETS:
             return given
-        base = PRESETS[given.get("preset", "lab")].model_dump()
+        base = PRESETS[preset].model_dump()
         return {**given, "camera": merged(base, given.get("camera", {}))}

@@ -13,8 +13,9 @@ from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
 
 # TOML has arrays where Python has tuples; their elements stay strict
-Point = Annotated[tuple[float, float], Field(strict=False)]
-Length = Annotated[float, Field(gt=0, le=100)]
+Place = Annotated[float, Field(ge=-1e6, le=1e6)]
+Point = Annotated[tuple[Place, Place], Field(strict=False)]
+Length = Annotated[float, Field(ge=1e-6, le=100)]
 Angle = Annotated[float, Field(ge=-100.0, le=100.0)]
 TIMES = ("period_s", "ramp_s", "stop_s")
 Rate = Annotated[

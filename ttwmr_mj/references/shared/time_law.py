@@ -9,6 +9,7 @@ from ttwmr_mj.errors import Fault
 from ttwmr_mj.state import FloatArray
 
 ORDERS = 5  # value and four derivatives
+JUMP_S = 1e-9  # what is shorter has derivatives beyond numbers, and a sample at its start alone
 
 SMOOTHSTEP = Polynomial([0.0, 0.0, 0.0, 0.0, 35.0, -84.0, 70.0, -20.0])  # 0 to 1, C³ at both ends
 SMOOTHSTEP_INTEGRAL = SMOOTHSTEP.integ()  # reaches exactly ½
@@ -66,7 +67,7 @@ class TimeLaw:
     def _ramp(self, time_s: FloatArray, duration_s: float) -> FloatArray:
         """(5, n) a start from rest, with rest before it; times up to its duration."""
         sigma = np.zeros((ORDERS, time_s.size))
-        if duration_s > 0.0:
+        if duration_s > JUMP_S:
             fraction = np.maximum(time_s / duration_s, 0.0)
             for order in range(ORDERS):
                 shape = SMOOTHSTEP_INTEGRAL.deriv(order) if order else SMOOTHSTEP_INTEGRAL
