@@ -51,7 +51,7 @@ LEAST_PACE, PACES = 0.02, 12  # of `feasible_pace`: what is slower is no answer;
 
 
 # what is asked of an absurd robot may be beyond numbers; that is broken then, and no warning
-@np.errstate(over="ignore", invalid="ignore")
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def check_feasibility(
     reference: ReferencePath,
     robot: RobotParameters,
