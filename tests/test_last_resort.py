@@ -75,7 +75,7 @@ LONG = "x" * 300
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (["validate", f"{LONG}.toml"], "File name too long"),
+        (["validate", f"{LONG}.toml"], "no such scenario file"),
         (["view", LONG], "File name too long"),
         (["run", "lab_circle", "--out", LONG], "File name too long"),
         (["export-schema", "--out", f"{LONG}"], "File name too long"),
