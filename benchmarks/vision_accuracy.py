@@ -215,7 +215,8 @@ def report(kind: str, measured: dict[str, Any]) -> None:
         row = measured[name]
         columns = [("position_rms_mm", 3), *((key, 4) for key in angles)]
         errors = [
-            "       –" if row[key] is None else f"{row[key]:8.{digits}f}" for key, digits in columns
+            "       –" if row.get(key) is None else f"{row[key]:8.{digits}f}"
+            for key, digits in columns
         ]
         print(
             f"{'':6s} {name:12s} {' '.join(errors)} {100 * row['detection_rate']:7.2f}% "

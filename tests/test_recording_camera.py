@@ -142,3 +142,5 @@ def test_the_eye_behind_follows_p() -> None:
     assert eye.look_target.as_arrow_array().to_pylist() == [[0.0, 0.0, 0.0]]
     assert eye.eye_up.as_arrow_array().to_pylist() == [[0.0, 0.0, 1.0]]
     assert eye.tracking_entity.as_arrow_array().to_pylist() == ["/world/tractor/P"]
+    farther = following_eye(2.0).position.as_arrow_array().to_pylist()
+    assert farther == [pytest.approx([-0.64, -0.7, 0.68])]

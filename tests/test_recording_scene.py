@@ -21,9 +21,11 @@ from recordings import (
 
 from ttwmr_mj.plants.contact import read_contacts
 from ttwmr_mj.recording.floor import floor_corners
+from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.target import reference_pieces
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.curves import trailer_com
+from ttwmr_mj.robot import RobotParameters
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +82,15 @@ def test_contact_forces_carry_the_robot(recording: Recording) -> None:
     np.testing.assert_allclose(vectors, 0.03 * contacts.force_n, atol=1e-6)
     weight = 9.81 * (ROBOT.tractor.mass_kg + ROBOT.trailer.mass_kg)
     np.testing.assert_allclose(vectors[-1, :, 2].sum() / 0.03, weight, rtol=0.02)
+
+
+def test_a_heavier_robot_has_shorter_arrows_per_newton() -> None:
+    outdoor = RobotParameters.model_validate({"preset": "outdoor"})
+    ratio = outdoor.tractor.mass_kg / ROBOT.tractor.mass_kg
+    # 2.3 times as large and 12 times as heavy: an axle's load is 2.3 times as long, to one digit
+    assert force_scale_m_n(outdoor) == pytest.approx(0.03 * outdoor.looks_scale / ratio, rel=0.1)
+    assert force_scale_m_n(outdoor) == 0.006
+    assert force_scale_m_n(ROBOT) == 0.03
 
 
 def test_driven_paths_are_connected(recording: Recording) -> None:
