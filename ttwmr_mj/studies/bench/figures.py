@@ -18,9 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-SMALLEST_MM = (
-    1e-3  # drawn; what is less, as of the analytic plant without noise, lies there as well
-)
+SMALLEST_MM = 1e-3  # smaller errors, as of the analytic plant without noise, are drawn there
 SPREAD = 0.62  # of a row's height that its controllers share
 
 
