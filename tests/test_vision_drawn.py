@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from functools import cache
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -10,7 +11,9 @@ import pytest
 from vision_poses import train_of
 from vision_scene import random_pose
 
+from ttwmr_mj.assets import models_folder
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.outline import VISUAL_GROUP
 from ttwmr_mj.robot import RobotParameters
@@ -47,14 +50,38 @@ def test_of_each_body_every_colour_is_one_part(trailers: int) -> None:
     assert len(looks) == len(set(looks))
 
 
+def test_in_a_scene_of_ones_own_parts_that_weigh_are_left_alone(tmp_path: Path) -> None:
+    """Also in bodies without a name."""
+    box = '<geom type="box" size="0.1 0.1 0.1" group="2" pos="{x} 0 0" mass="{mass}"/>'
+    body = '<body pos="1 1 0.5"><freejoint/>{}</body>'
+    heavy = body.format("".join(box.format(x=x, mass=1) for x in (0, 1)))
+    light = [box.format(x=x, mass=0) for x in (0, 1)] + [box.format(x=2, mass=1)]
+    scene = (models_folder() / "scene.xml").read_text()
+    scene = scene.replace('file="', f'file="{models_folder()}/')
+    path = tmp_path / "scene.xml"
+    path.write_text(
+        scene.replace("</worldbody>", f"{heavy}{body.format(''.join(light))}</worldbody>")
+    )
+    options = ContactOptions(model_path=str(path))
+    plain, drawn = (make(RobotParameters(), options) for make in (build_model, build_drawn_model))
+    np.testing.assert_array_equal(drawn.body_mass, plain.body_mass)
+    ends = [
+        [int((model.geom_bodyid == model.nbody - i).sum()) for i in (2, 1)]
+        for model in (plain, drawn)
+    ]
+    assert ends == [[2, 3], [2, 2]]
+
+
 def test_the_pictures_differ_at_edges_only() -> None:
     rng = np.random.default_rng(0)
     plain, drawn = (
         VirtualCamera(CameraOptions(), model, np.random.default_rng(0)) for model in both(1)
     )
+    wheels = Joints(plain.model).wheel_qpos
     for _ in range(10):
         q = random_pose(rng)
         qpos = plain.posture.positions(q)
+        qpos[wheels] = rng.uniform(-np.pi, np.pi, 2)
         region = plain._renderer.robot_region([qpos], 3)
         pictures = [source._renderer.robot(qpos, region).astype(int) for source in (plain, drawn)]
         differ = np.abs(pictures[0] - pictures[1]).max(axis=2) > 2

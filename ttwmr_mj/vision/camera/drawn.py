@@ -43,29 +43,30 @@ def build_drawn_model(robot: RobotParameters, options: ContactOptions) -> mujoco
     """
     plain = build_model(robot, options)
     spec = build_spec(robot, options)
-    parts = [part for i in range(plain.nbody) for part in _body(spec, plain, i).geoms]
-    for geoms in _alike(plain):
+    spec.compile()  # numbers its parts, of which a scene of one's own may have some without a name
+    parts = {part.id: part for part in spec.geoms}
+    light = [i for i, part in parts.items() if part.mass == 0.0]  # others make up their body
+    for geoms in _alike(plain, light):
         _merge(spec, plain, geoms, parts)
     model = spec.compile()
     model.key_qpos[:] = plain.key_qpos
     return model
 
 
-def _body(spec: mujoco.MjSpec, plain: mujoco.MjModel, body: int) -> Any:
-    return spec.body(plain.body(body).name) if body else spec.worldbody
-
-
-def _alike(model: mujoco.MjModel) -> list[list[int]]:
-    """Parts that can be merged, together those of one body, material and colour."""
+def _alike(model: mujoco.MjModel, parts: list[int]) -> list[list[int]]:
+    """Those of the parts that can be merged, together those of one body, material and colour."""
     found = defaultdict(list)
-    for i in np.flatnonzero(model.geom_group == VISUAL_GROUP).tolist():
-        if mujoco.mjtGeom(model.geom_type[i]) in SURFACES:
+    for i in parts:
+        seen = model.geom_group[i] == VISUAL_GROUP
+        if seen and mujoco.mjtGeom(model.geom_type[i]) in SURFACES:
             look = model.geom_matid[i], model.geom_rgba[i].tobytes()
             found[int(model.geom_bodyid[i]), *look].append(i)
     return [geoms for geoms in found.values() if len(geoms) > 1]
 
 
-def _merge(spec: mujoco.MjSpec, plain: mujoco.MjModel, geoms: list[int], parts: list[Any]) -> None:
+def _merge(
+    spec: mujoco.MjSpec, plain: mujoco.MjModel, geoms: list[int], parts: dict[int, Any]
+) -> None:
     """Put one mesh in the place of some of a body's geoms; parts are the editable ones of all."""
     body = int(plain.geom_bodyid[geoms[0]])
     upright = body in chassis(plain).values()
@@ -78,7 +79,7 @@ def _merge(spec: mujoco.MjSpec, plain: mujoco.MjModel, geoms: list[int], parts: 
     triangles = [s.triangles + start for s, start in zip(surfaces, first, strict=False)]
     mesh.userface = mesh.userfacenormal = np.concatenate(triangles).ravel()
     merged = [parts[i] for i in geoms]
-    _body(spec, plain, body).add_geom(
+    merged[0].parent.add_geom(
         type=mujoco.mjtGeom.mjGEOM_MESH,
         meshname=name,
         material=merged[0].material,
