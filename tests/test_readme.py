@@ -56,6 +56,7 @@ def test_the_complete_scenario_is_followed_by_tractor_and_trailer(tmp_path: Path
     assert metrics["steady_centre_of_oscillation_rmse_m"] == pytest.approx(0.8e-3, rel=0.1)
 
 
+@pytest.mark.slow
 def test_the_controller_example_works_in_under_40_lines(tmp_path: Path) -> None:
     controller = blocks("python")[1]
     assert len(controller.splitlines()) < 40

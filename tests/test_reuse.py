@@ -127,6 +127,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_is_made_again_if_and_only_if_what_it_is_made_of_has_changed(copy: Path) -> None:
     edits = [(name, *edit) for name, (edit, _, _) in EDITS.items()]
     done = subprocess.run(
