@@ -63,12 +63,12 @@ END, CODE = r"\Z", "\nEXTRA = 1\n"
 # what is edited: (file, pattern, replacement), which runs are made again, and why
 EDITS = {
     "default": (
-        ("ttwmr_mj/robot.py", r"(float = (?:Field\(\s*default=)?)0\.", r"\g<1>9."),
+        ("ttwmr_mj/robot/bodies.py", r"(float = (?:Field\(\s*default=)?)0\.", r"\g<1>9."),
         EVERY,
-        "code.ttwmr_mj.robot",
+        "code.ttwmr_mj.robot.bodies",
     ),
-    "docstring": (("ttwmr_mj/robot.py", '"""', '"""Other words. '), set(), ""),
-    "comment": (("ttwmr_mj/robot.py", END, "\n# a comment\n"), set(), ""),
+    "docstring": (("ttwmr_mj/robot/bodies.py", '"""', '"""Other words. '), set(), ""),
+    "comment": (("ttwmr_mj/robot/bodies.py", END, "\n# a comment\n"), set(), ""),
     "imported lazily": (
         ("ttwmr_mj/vision/tracking/kalman.py", END, CODE),
         {"camera"},
