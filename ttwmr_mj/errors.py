@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 Keys = tuple[str | int, ...]
+LONGEST_REASON = 1000  # letters of what an exception says of itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +55,14 @@ def shown(value: Any) -> str:
 
 
 def described(error: BaseException) -> str:
-    """The kind of an exception and what it says of itself, if it can."""
+    """The kind of an exception and what it says of itself, if it can, in a thousand letters."""
     try:
-        return f"{type(error).__name__}: {error}"
-    except Exception as other:
+        text = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as other:  # a user's exception may do anything here too
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
+    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
 
 
 def printable(text: str) -> str:
@@ -118,6 +122,13 @@ def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | Non
 
 class RunError(TtwmrError):
     """A run that started could not be finished: divergence, failed physics (exit code 1)."""
+
+
+class Overrun(BaseException):
+    """Code of the user's took longer than it may.
+
+    Not an Exception, so that `except Exception` does not swallow it.
+    """
 
 
 class MachineError(TtwmrError):

@@ -1,6 +1,5 @@
 """XML and parameters make one MjModel, whose halves weigh exactly what the parameters say."""
 
-import mujoco
 import numpy as np
 
 from ttwmr_mj.assets import models_folder
@@ -10,6 +9,7 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.names import CASTERS, WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.relief import add_relief
 from ttwmr_mj.plants.runners import add_runner

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line, warn
+from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         wished = {"save_frames": self.save_frames, "paper_plots": self.paper_plots}
         wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
+        supervise(scenario)
         if not self.quiet:
             warn(foretold(scenario))
         pace = self.make_pace()

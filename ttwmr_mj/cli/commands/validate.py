@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
+from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,6 +50,8 @@ class Validate(Overrides, name="validate"):
         from ttwmr_mj.scenario.file import find_scenario
 
         file = find_scenario(name)
+        if self.run_code:
+            supervise(scenario)
         faults = law_faults(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
