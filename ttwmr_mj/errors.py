@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import dataclass, replace
 from typing import Any
 
 Keys = tuple[str | int, ...]
+MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
 LONGEST_REASON = 1000  # letters of what an exception says of itself
 
 
@@ -62,7 +64,8 @@ def described(error: BaseException) -> str:
         raise
     except BaseException as other:  # a user's exception may do anything here too
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
-    return text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
+    text = text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
+    return printable(text)
 
 
 def printable(text: str) -> str:
@@ -72,6 +75,14 @@ def printable(text: str) -> str:
     the window's title, or write over lines above.
     """
     return "".join(c if c in "\n\t" or not _commands(c) else repr(c)[1:-1] for c in text)
+
+
+def in_markdown(text: str) -> str:
+    """A text of somebody else's as part of a Markdown line: without HTML, link, table or code.
+
+    So it may stand in a leaderboard and in a recording's panel. HTML pages escape by themselves.
+    """
+    return MARKS.sub(r"\\\1", " ".join(printable(text).split()))
 
 
 def _commands(character: str) -> bool:

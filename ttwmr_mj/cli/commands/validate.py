@@ -8,7 +8,7 @@ from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.cli.supervisor import supervise
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, printable
 
 if TYPE_CHECKING:
     from ttwmr_mj.scenario.schema import Scenario
@@ -57,4 +57,4 @@ class Validate(Overrides, name="validate"):
             raise InputError(*faults, file=str(file))
         if scenario.controller.kind == "custom" and not self.run_code:
             target = getattr(scenario.controller, "target", "")
-            print(f"{name}: {target} was read, not run; --load imports and starts it")
+            print(f"{printable(name)}: {target} was read, not run; --load imports and starts it")
