@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+import ttwmr_mj
 from ttwmr_mj.files import variable
 from ttwmr_mj.runs import machine
 from ttwmr_mj.vision.camera import gl
@@ -84,6 +85,17 @@ def test_the_doctor_tells(asked: str, told: str, monkeypatch: pytest.MonkeyPatch
     assert ("MUJOCO_GL" in text) == bool(told)
     assert "RERUN=off changes nothing: output.recording decides" in text
     assert f"MPLBACKEND={NOTEBOOK} changes nothing" in text
+
+
+def test_mujoco_has_one_door() -> None:
+    package = Path(ttwmr_mj.__file__).parent
+    doors = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        for line in path.read_text().splitlines()
+        if line.strip().startswith(("import mujoco", "from mujoco"))
+    }
+    assert doors == {"plants/engine.py", "vision/camera/gl.py"}  # that one in another process
 
 
 def test_a_variable_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -60,7 +60,7 @@ def test_a_run_tells_a_stranger_s_words_in_panels() -> None:
 def test_a_leaderboard_tells_a_stranger_s_words() -> None:
     names = {"controller": "a", "task": "b", "plant": "c", "sensing": "d", "disturbance": "none"}
     run = Run(0, "failed", f"failed: {EVIL}", False, dict.fromkeys(COLUMNS))
-    line = Line(names, (run,), f"ttwmr run x --set 'a={EVIL}'", None, "half", True)
+    line = Line(names, (run,), "steady", True, f"ttwmr run x --set 'a={EVIL}'", None)
     board = Board([line], 1, Counter({"1.0": 1}))
     text = to_markdown(board, f"mine: {EVIL}")
     commands = text[text.index("```sh") :]

@@ -29,7 +29,7 @@ class ControlOptions(Config):
         default=60.0,
         gt=0,
         le=86_400,
-        description="the same for importing, making and starting a law",
+        description="the same for importing and making a law, and for starting it",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
