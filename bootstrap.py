@@ -33,7 +33,7 @@ TEST = [
     [str(BIN / "ruff"), "format", "--check", "."],
     [str(BIN / "mypy")],
     [str(BIN / "lint-imports")],
-    [str(BIN / "pytest"), "-n", "2", "-m", "not slow"],
+    [str(BIN / "pytest"), "-n", "2", "--dist", "loadfile", "-m", "not slow"],
 ]
 
 

@@ -103,6 +103,19 @@ def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
     assert lifted_n == pytest.approx(weight_n, rel=0.05)
 
 
+def test_every_trailer_of_a_train_is_shown(tmp_path: Path) -> None:
+    overrides = ["duration_s=0.3", "output.figures=false"]
+    run_scenario(load_scenario("two_trailers_turn", overrides), tmp_path)
+    film = Film(Footage.of(tmp_path, 10.0, 1.0, 0.0, None), "both", 1.0)
+    picture = film.frame(2)[60:UPPER, film._left :]
+    shades = film._stage._bodies if film._stage else []
+    film.close()
+    violet = coloured(picture, style.TRAILER).astype(np.uint8)
+    areas = cv2.connectedComponentsWithStats(violet)[2][1:, cv2.CC_STAT_AREA]
+    assert (areas > 100).sum() == 2  # apart by their dark edges
+    assert len(shades) == 3
+
+
 def test_plots_are_uncovered_as_time_goes_on(run: Path) -> None:
     footage = Footage.of(run, 10.0, 1.0, 0.0, None)
     film = Film(footage, "overhead", 1.0)

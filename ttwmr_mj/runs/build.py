@@ -213,6 +213,9 @@ def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int
         q[3:], rate[3:] = q[2], rate[2]
     q[:4] += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
     q[4:] += start.more_trailers_offset_rad or 0.0
+    # P moves along the heading that the tractor has: wheels do not start sliding sideways
+    c, s = np.cos(start.theta1_offset_rad), np.sin(start.theta1_offset_rad)
+    rate[:2] = c * rate[0] - s * rate[1], s * rate[0] + c * rate[1]
     return RobotState(q=np.tile(q, (nsim, 1)), q_rate=np.tile(rate, (nsim, 1)))
 
 
