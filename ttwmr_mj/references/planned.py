@@ -72,9 +72,7 @@ class Knots:
         if not (np.abs(table) <= LARGEST).all():
             raise ValueError(f"its numbers are not all finite and below {LARGEST:g}")
         if table[0, 0] != 0.0 or not (np.diff(table[:, 0]) >= SHORTEST_S).all():
-            raise ValueError(
-                f"its times do not start at 0 and increase by {SHORTEST_S:g} s or more"
-            )
+            raise ValueError(f"its times do not increase from 0 by {SHORTEST_S:g} s or more")
         length = float(notes["swing_length_m"])
         return cls(table[:, 0], table[:, 1:], length, notes["ends"] == ENDS[0])
 

@@ -79,15 +79,16 @@ class Answers:
 
 def _numbers(values: Any, shape: tuple[int, ...], have: str, are: str) -> FloatArray:
     """A copy as float64 of real numbers of a shape."""
-    if type(values) is not np.ndarray or values.dtype != np.float64:
+    if type(values) is not np.ndarray or values.dtype != np.float64:  # as a rule it is
         masked = isinstance(values, np.ma.MaskedArray)
         values = np.array(values)
         if masked or values.dtype.kind not in "fiu":
             raise ValueError(f"{are} not real numbers")
+        with np.errstate(over="ignore"):  # of numbers wider than 64 bits
+            values = values.astype(np.float64)
     if values.shape != shape:
         raise ValueError(f"{have} shape {values.shape}, allowed: {_shape(shape)}")
-    with np.errstate(over="ignore"):  # of numbers wider than 64 bits
-        return np.array(values, dtype=np.float64)
+    return values.copy()  # type: ignore[no-any-return]
 
 
 def _torques(given: Any, nsim: int) -> FloatArray:
@@ -97,7 +98,7 @@ def _torques(given: Any, nsim: int) -> FloatArray:
 
 
 def _flags(values: Any, nsim: int, name: str) -> Any:
-    flags = np.array(values)
+    flags = values.copy() if type(values) is np.ndarray else np.array(values)
     if flags.shape != (nsim,):
         raise ValueError(f"{name} has shape {flags.shape}, allowed: ({nsim},)")
     if flags.dtype != np.bool_:
