@@ -50,7 +50,10 @@ def ttwmr(folder: Path, *words: str, changes: list[str]) -> subprocess.Completed
     [
         ("at_import", "os._exit(0)", "with exit code 0 before it was over"),
         ("at_making", "os.kill(os.getpid(), 11)", "by SIGSEGV before it was over"),
-        ("at_start", SWALLOW, "did not answer within 0.1 s and could not be broken off"),
+        pytest.param(
+            *("at_start", SWALLOW, "did not answer within 0.1 s and could not be broken off"),
+            marks=pytest.mark.slow,
+        ),
         ("at_import", "while True: pass", "making the law timed out after 0.1 s"),
     ],
 )
