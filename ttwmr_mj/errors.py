@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from dataclasses import dataclass, replace
 from typing import Any
 
 Keys = tuple[str | int, ...]
+MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
+LONGEST_REASON = 1000  # letters of what an exception says of itself
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +57,15 @@ def shown(value: Any) -> str:
 
 
 def described(error: BaseException) -> str:
-    """The kind of an exception and what it says of itself, if it can."""
+    """The kind of an exception and what it says of itself, if it can, in a thousand letters."""
     try:
-        return f"{type(error).__name__}: {error}"
-    except Exception as other:
+        text = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as other:  # a user's exception may do anything here too
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
+    text = text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
+    return printable(text)
 
 
 def printable(text: str) -> str:
@@ -68,6 +75,14 @@ def printable(text: str) -> str:
     the window's title, or write over lines above.
     """
     return "".join(c if c in "\n\t" or not _commands(c) else repr(c)[1:-1] for c in text)
+
+
+def in_markdown(text: str) -> str:
+    """A text of somebody else's as part of a Markdown line: without HTML, link, table or code.
+
+    So it may stand in a leaderboard and in a recording's panel. HTML pages escape by themselves.
+    """
+    return MARKS.sub(r"\\\1", " ".join(printable(text).split()))
 
 
 def _commands(character: str) -> bool:
@@ -118,6 +133,13 @@ def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | Non
 
 class RunError(TtwmrError):
     """A run that started could not be finished: divergence, failed physics (exit code 1)."""
+
+
+class Overrun(BaseException):
+    """Code of the user's took longer than it may.
+
+    Not an Exception, so that `except Exception` does not swallow it.
+    """
 
 
 class MachineError(TtwmrError):

@@ -1,4 +1,4 @@
-"""Files: written under a temporary name, then renamed (atomically); and file names in input."""
+"""What the system holds: files, written whole or not at all; their names in input; variables."""
 
 from __future__ import annotations
 
@@ -97,6 +97,24 @@ def write_parquet(table: pa.Table, path: Path) -> None:
 
     with written(path) as temporary:
         pq.write_table(table, temporary)
+
+
+@contextmanager
+def variable(name: str, value: str | None) -> Iterator[None]:
+    """While the context lasts a variable of the environment has this value, or is not there."""
+    before = os.environ.get(name)
+    _set_variable(name, value)
+    try:
+        yield
+    finally:
+        _set_variable(name, before)
+
+
+def _set_variable(name: str, value: str | None) -> None:
+    if value is None:
+        os.environ.pop(name, None)
+    else:
+        os.environ[name] = value
 
 
 def is_file(path: Path) -> bool:

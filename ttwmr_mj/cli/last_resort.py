@@ -11,6 +11,13 @@ from collections.abc import Sequence
 from ttwmr_mj.errors import InputError, RunError, TtwmrError, described, printable
 
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
+
+
+def _tell_nobody(code: int) -> None:
+    del code
+
+
+at_close = _tell_nobody  # who wants to know the exit code before the process is over
 # what the user named cannot be used; any other error of the system is no fault of the input
 OF_NAMES = frozenset(
     {
@@ -63,13 +70,15 @@ def readable(words: Sequence[str]) -> list[str]:
 def close_streams(code: int) -> int:
     """Flush the output; the exit code, which is FAILED where the output could not be written."""
     try:
-        sys.stdout.flush()
+        if sys.stdout is not None and not sys.stdout.closed:  # a law of the user's may do that
+            sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output left; that is its right
         _discard(1)
     except OSError as error:
         _discard(1)
         say(f"cannot write the output: {error.strerror or error}")
         code = code or FAILED
+    at_close(code)
     return code
 
 

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ttwmr_mj.cli import engine, last_resort
+from ttwmr_mj.cli import engine, last_resort, supervisor
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -25,7 +25,7 @@ EXAMPLES = """examples:
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     last_resort.open_streams()
-    debug = False
+    debug, supervisor.own_process = False, words is None
     try:
         words = last_resort.readable(sys.argv[1:] if words is None else words)
         subcommand = parse(words)

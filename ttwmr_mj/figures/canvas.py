@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.figures.style import DPI, SIZE_IN, STYLE
+from ttwmr_mj.files import variable
 from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ def canvas(
         size_in: width and height [in].
         looks: matplotlib settings that replace those of STYLE.
     """
-    import matplotlib as mpl
+    with variable("MPLBACKEND", None):  # it need not be installed, and is not used here
+        import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

@@ -11,6 +11,7 @@ import rerun.blueprint as rrb
 import rerun_bindings
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import variable
 from ttwmr_mj.recording.layout import REPORT
 from ttwmr_mj.recording.words import drawable
 
@@ -35,12 +36,13 @@ class RrdFile:
         self, path: Path, name: str, layout: rrb.Blueprint, live: LiveView | None = None
     ) -> None:
         rr.set_strict_mode(True)  # else wrong calls only warn
-        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
-        self._stream.set_log_time_enabled(False)
-        try:
-            self._stream.save(path, default_blueprint=layout)
-        except RuntimeError as error:
-            raise InputError(f"{path}: cannot be written as a recording: {error}") from error
+        with variable("RERUN", None):  # off: it would write nothing; `output.recording` decides
+            self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
+            self._stream.set_log_time_enabled(False)
+            try:
+                self._stream.save(path, default_blueprint=layout)
+            except RuntimeError as error:
+                raise InputError(f"{path}: cannot be written as a recording: {error}") from error
         self._open = True
         self._live = live
         if live is not None:
@@ -61,6 +63,11 @@ class RrdFile:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+    def _show(self, layout: rrb.Blueprint) -> None:
+        """Another layout from here on."""
+        with variable("RERUN", None):
+            self._stream.send_blueprint(layout)
 
     def _report(self, markdown: str, path: str = REPORT) -> None:
         """Show this in a text panel, instead of what it shows now."""

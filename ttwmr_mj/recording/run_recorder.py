@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import rerun as rr
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.recording import key, style
 from ttwmr_mj.recording.blueprint import blueprint
 from ttwmr_mj.recording.floor import floor_corners
@@ -114,7 +114,7 @@ class RunRecorder(RrdFile):
         self._scene.append(rows, curves)
         if (signals := tuple(rows.signals)) != self._signals:
             self._signals = signals  # the layout was sent before the law said what it logs
-            self._stream.send_blueprint(self._layout(signals=signals))
+            self._show(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
         self._stream.flush()
@@ -161,7 +161,7 @@ class RunRecorder(RrdFile):
         if self._last_s is not None:
             times_s, ranges = (0.0, self._last_s), self._plots.ranges
             layout = self._layout(signals=self._signals, ranges=ranges, times_s=times_s)
-            self._stream.send_blueprint(layout)
+            self._show(layout)
 
 
 def _key(robot: RobotParameters, reference: ReferencePath | None, camera: bool) -> list[Entry]:

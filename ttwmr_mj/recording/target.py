@@ -1,10 +1,10 @@
 """Where the robot should be: its paths as bands on the floor, its place on them, the way there."""
 
-import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style

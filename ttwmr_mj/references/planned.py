@@ -22,6 +22,8 @@ from ttwmr_mj.state import FloatArray
 COLUMNS = ("time_s", "x_m", "y_m", "theta1_rad", "theta2_rad")
 ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
+LARGEST = 1e6  # m, rad or s
+SHORTEST_S = 1e-3  # between knots
 AT_REST = [(order, np.zeros(4)) for order in (1, 2, 3)]
 LENGTH_TOLERANCE_M = 1e-4  # of the swing length; a wrong one moves F by the difference
 PLANS = "`ttwmr plan` writes such files; shipped plans have no ending"
@@ -62,11 +64,15 @@ class Knots:
         if notes["ends"] not in ENDS:
             raise ValueError(f"its header entry ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
         rows = [line for line in lines if not line.startswith("#")]
+        if len(rows) < 2:
+            raise ValueError("it has no table")
         table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
         if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) <= DEGREE:
             raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(COLUMNS)}")
-        if not (np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()):
-            raise ValueError("its numbers are not all finite, or its times do not increase")
+        if not (np.abs(table) <= LARGEST).all():
+            raise ValueError(f"its numbers are not all finite and below {LARGEST:g}")
+        if table[0, 0] != 0.0 or not (np.diff(table[:, 0]) >= SHORTEST_S).all():
+            raise ValueError(f"its times do not increase from 0 by {SHORTEST_S:g} s or more")
         length = float(notes["swing_length_m"])
         return cls(table[:, 0], table[:, 1:], length, notes["ends"] == ENDS[0])
 

@@ -155,14 +155,17 @@ class Trajectory:
 
         try:
             table = pq.read_table(path)
-        except (OSError, pa.ArrowInvalid) as error:
+        except (OSError, pa.ArrowException) as error:
             raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
-        angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
+        angles = [re.fullmatch(r"theta(\d{1,2})_rad", name) for name in table.column_names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
         known = column_names(width)
         if missing := [n for n in known if n not in {*table.column_names, *FOOTING}]:
-            raise InputError(f"not a trajectory: it lacks {', '.join(missing)}", file=str(path))
-        columns = {name: table[name].to_numpy()[:, None] for name in table.column_names}
+            lacks = f"it lacks {', '.join(missing[:10])}{' …' if missing[10:] else ''}"
+            raise InputError(f"not a trajectory: {lacks}", file=str(path))
+        columns = {name: _numbers(table[name], name, path) for name in table.column_names}
+        if not (np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0).all():
+            raise InputError("not a trajectory: its times do not increase", file=str(path))
         unknown = np.full((table.num_rows, 1), np.nan)
         columns |= {name: unknown for name in FOOTING if name not in columns}
         rows: dict[str, Any] = {
@@ -260,3 +263,16 @@ def physics_rate_table(
     names = ("time_s", *q_names(width), *rate_names(width), *wheel_names("rad_s"))
     values = np.column_stack([time_s, state.q, state.q_rate, wheel_speed_rad_s])
     return _table(dict(zip(names, values.T, strict=True)))
+
+
+def _numbers(column: Any, name: str, path: Path) -> Any:
+    """(n, 1) of a column, NaN where it has none."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_boolean(kind) and not column.null_count:
+        return column.to_numpy()[:, None]
+    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
+        problem = f"not a trajectory: its column {name[:100]} holds no numbers"
+        raise InputError(problem, file=str(path))
+    return column.cast(pa.float64()).to_numpy()[:, None]

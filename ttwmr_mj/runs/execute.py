@@ -77,10 +77,12 @@ def run_scenario(
     Raises:
         InputError: the scenario cannot be built.
     """
+    given, folder = folder, folder.absolute()  # a law of the user's may change the directory
     experiment = Experiment(scenario, scenario_folder)
-    return run_experiment(
+    done = run_experiment(
         experiment, folder, command_line=command_line, progress=progress, live=live, pace=pace
     )
+    return replace(done, folder=given)
 
 
 def run_experiment(
@@ -108,7 +110,7 @@ def run_experiment(
     pace = pace or Pace()
     watch = Stopwatch()
     scenario = experiment.scenario
-    write_resolved(folder, scenario)
+    write_resolved(folder, scenario, experiment.folder)
     write_manifest(folder, scenario, command_line or [])
     contact = _physics_rate_plant(experiment)
     if contact:
@@ -118,7 +120,7 @@ def run_experiment(
     result = _simulate(experiment, folder, frames, progress, live, pace, replayed)
     if replayed is not None:
         scenario = result.scenario
-        write_resolved(folder, scenario)
+        write_resolved(folder, scenario, experiment.folder)
     if frames is not None:
         frames.finish()
     watch.lap("recording")

@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.runs.pushes import Push
@@ -42,8 +43,11 @@ def open_folder(folder: Path, force: bool) -> None:
         raise InputError.at("--out", f"cannot make the folder: {error}", got=str(folder)) from error
 
 
-def write_resolved(folder: Path, scenario: Scenario) -> None:
-    """scenario.resolved.toml: every value that was used."""
+def write_resolved(folder: Path, scenario: Scenario, beside: Path) -> None:
+    """scenario.resolved.toml: every value that was used; `beside` is where a law was looked for."""
+    if isinstance(scenario.controller, CustomOptions):
+        law = scenario.controller.placed(beside)
+        scenario = scenario.model_copy(update={"controller": law})
     head = "# Every value that was used, defaults included. Runs as it is.\n\n"
     write_text(folder / "scenario.resolved.toml", head + dump_scenario(scenario))
 

@@ -92,8 +92,21 @@ class Loop:
             InputError: from a law's start.
         """
         period = self.scenario.control.sampling_time_s
-        self._break_off(self.laws.start(), 0.0)
         self.laws.deadline.arm()
+        try:
+            self._break_off(self.laws.start(), 0.0)
+            self._drive(period)
+        finally:
+            self.laws.deadline.disarm()
+            self.sensor.close()
+        self.watch.lap("loop")
+        if self.report:
+            self.report(self.rows.rows(self._reported, self.done))
+        self.watch.lap("report")
+        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
+
+    def _drive(self, period: float) -> None:
+        """Sample after sample."""
         try:
             for k in range(self.scenario.periods + 1):
                 if not self._hold(k * period):
@@ -108,14 +121,6 @@ class Loop:
         except KeyboardInterrupt:
             time_s = max(self.done - 1, 0) * period
             self._end_all(Outcome("interrupted", "stopped by the user", time_s))
-        finally:
-            self.laws.deadline.disarm()
-            self.sensor.close()
-        self.watch.lap("loop")
-        if self.report:
-            self.report(self.rows.rows(self._reported, self.done))
-        self.watch.lap("report")
-        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
 
     def _hold(self, time_s: float) -> bool:
         """Keep the pace; whether the run goes on."""

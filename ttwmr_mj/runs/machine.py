@@ -9,7 +9,7 @@ from pathlib import Path
 
 from ttwmr_mj.recording.viewer import display
 from ttwmr_mj.runs.folder import library_version
-from ttwmr_mj.vision.camera.gl import BACKENDS, DEBIAN_PACKAGES, probe
+from ttwmr_mj.vision.camera.gl import ANY, BACKENDS, DEBIAN_PACKAGES, asked_backend, probe
 
 # extra → the distribution that it is for
 EXTRAS = {
@@ -37,6 +37,8 @@ def examine() -> tuple[str, bool]:
     lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)", *_opengl()]
     lines += ["", "Display, for windows (not needed to record)", *_display()]
     lines += ["", "Vulkan, for the Rerun viewer (not needed to record)", *_vulkan()]
+    if variables := _variables():
+        lines += ["", "Environment", *variables]
     return "\n".join(lines), not missing
 
 
@@ -60,7 +62,21 @@ def _opengl() -> list[str]:
     lines = [f"  {b:8s} {p.renderer or 'does not work: ' + p.fault}" for b, p in found.items()]
     if all(one.renderer is None for one in found.values()):
         lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
+    asked = asked_backend()
+    if asked not in (*BACKENDS, *ANY) or (asked in found and found[asked].renderer is None):
+        allowed = ", ".join(backend for backend, p in found.items() if p.renderer) or "none"
+        lines.append(
+            f"  MUJOCO_GL={asked} ends camera runs, and no others; unset it, or set what works "
+            f"here: {allowed}"
+        )
     return lines
+
+
+def _variables() -> list[str]:
+    """Those of the environment that libraries obey, and results must not."""
+    told = {"RERUN": "output.recording decides", "MPLBACKEND": "figures are files"}
+    found = {name: os.environ[name] for name in told if name in os.environ}
+    return [f"  {name}={value} changes nothing: {told[name]}" for name, value in found.items()]
 
 
 def _display() -> list[str]:

@@ -9,6 +9,7 @@ import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.files import is_file, parse_toml, read_toml
 from ttwmr_mj.robot import merged
@@ -203,6 +204,8 @@ def _unset(where: str, **words: str) -> InputError:
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
     data = scenario.model_dump(mode="json")
+    if isinstance(scenario.controller, CustomOptions):  # they may be what JSON lacks: inf, dates
+        data["controller"]["options"] = scenario.controller.options
     believed = {key: value for key, value in data.pop("belief").items() if value not in ({}, None)}
     if believed:  # a table that is empty would read as if something were believed
         data["belief"] = believed

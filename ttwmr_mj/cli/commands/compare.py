@@ -5,6 +5,7 @@ from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line
+from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError
 
 
@@ -35,6 +36,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
         from ttwmr_mj.studies.compare import Options, compare_scenario, plain
 
         scenario = self.load(self.scenario)
+        supervise(scenario)
         options = Options(
             mode=self.mode,
             real_wheels=self.real_wheels,

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ttwmr_mj.files import variable
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.style import Colour
@@ -163,7 +164,8 @@ class Film:
 
 def _font(size: int, *, bold: bool = False) -> FreeTypeFont:
     """A font that every machine with matplotlib has."""
-    import matplotlib
+    with variable("MPLBACKEND", None):
+        import matplotlib
     from PIL import ImageFont
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"

@@ -6,9 +6,9 @@ import os
 from itertools import pairwise
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import HEIGHT, Joints
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.outline import chassis

@@ -4,12 +4,12 @@ import copy
 from collections.abc import Iterator
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import Corner2D
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import key, layout, style
 from ttwmr_mj.recording.floor import floor_corners, lift
@@ -127,7 +127,7 @@ class ComparisonRecorder(RrdFile):
         _log_miss(self._stream, pair, time_column(time_s))
         self._plot(time_s, _residuals(pair))
         draw_key(self._stream, _key(pair))
-        self._stream.send_blueprint(_blueprint(self._scenario, pair))
+        self._show(_blueprint(self._scenario, pair))
 
     def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
         for plots in TABS.values():

@@ -114,6 +114,7 @@ def _scene_files(path: Path) -> Iterator[Path]:
 def _code_of_run(scenario: Scenario, folder: Path, runners: Sequence[str]) -> dict[str, str]:
     entries = [*runners, *_chosen(scenario)]
     if isinstance(scenario.controller, CustomOptions):
+        folder = folder / (scenario.controller.folder or "")
         entries.append(scenario.controller.target.partition(":")[0])
     own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)
     return code_of(entries, _follows(scenario), tuple(place for place in own if place))

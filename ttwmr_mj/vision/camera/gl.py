@@ -11,6 +11,7 @@ import importlib
 import os
 import subprocess
 import sys
+import warnings
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 from ttwmr_mj.errors import MachineError
 
 BACKENDS = ("egl", "osmesa", "glfw")
+ANY = ("", "enable", "enabled", "on", "true", "1", "glx", "wgl", "cgl")  # of MUJOCO_GL
 DEBIAN_PACKAGES = ("libegl1", "libgl1", "libgl1-mesa-dri")
 EGL_PLATFORM_DEVICE, MOST_DEVICES = 0x313F, 32
 _TRY = """
@@ -39,13 +41,18 @@ class Probe:
     fault: str  # the last line of the failure; empty when it works
 
 
+def asked_backend() -> str:
+    """What MUJOCO_GL says."""
+    return os.environ.get("MUJOCO_GL", "").strip().lower()
+
+
 @cache
 def probe(backend: str) -> Probe:
     """Make an offscreen context with one backend, in a fresh process."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _TRY],
-            env={**os.environ, "MUJOCO_GL": backend},
+            env={**os.environ, "MUJOCO_GL": backend, "PYTHONSAFEPATH": "1"},  # no files lying about
             capture_output=True,
             text=True,
             timeout=60,
@@ -95,11 +102,16 @@ def chosen_backend() -> str:
     """The backend of this process: MUJOCO_GL where it names one, else the first that works.
 
     Raises:
-        MachineError: none works.
+        MachineError: none works, or MUJOCO_GL asks for something else.
     """
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
+    asked = asked_backend()
     if asked in BACKENDS:
         return asked
+    if asked not in ANY:
+        raise MachineError(
+            f"MUJOCO_GL={asked} names no OpenGL to render camera frames with; allowed: "
+            f"{', '.join(BACKENDS)}; or unset it"
+        )
     if _egl_starts():
         return "egl"
     for name in BACKENDS:
@@ -124,8 +136,13 @@ def make_context() -> Any:
     backend = chosen_backend()
     _draw_in_the_calling_thread()
     try:
-        context = importlib.import_module(f"mujoco.{backend}").GLContext(16, 16)
-        context.make_current()
+        with warnings.catch_warnings(record=True) as warned:
+            warnings.simplefilter("always")
+            context = importlib.import_module(f"mujoco.{backend}").GLContext(16, 16)
+            context.make_current()
+        for warning in warned:  # GLFW only warns of having no display, and goes on
+            if isinstance(warning.message, Exception) and "GLFW" in warning.category.__name__:
+                raise warning.message
     except Exception as error:  # each backend has its own exceptions, none has a common base
         raise MachineError(
             f"OpenGL backend {backend} fails: {error}. Set MUJOCO_GL to one of "

@@ -11,10 +11,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import cv2
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.gl import make_context

@@ -6,9 +6,9 @@ from copy import copy
 from functools import cache
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.plants.names import trailer_part
 from ttwmr_mj.state import FloatArray
