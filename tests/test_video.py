@@ -13,7 +13,7 @@ import pytest
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N
+from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.video import encode
 from ttwmr_mj.recording.video.film import SIZE_PX, STRIP_SHARE, Film
 from ttwmr_mj.recording.video.footage import Footage
@@ -99,7 +99,7 @@ def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
     # the hand-over from one row to the next is a cut: forces of the row before the frame
     robot = RobotParameters()
     weight_n = 9.81 * (robot.tractor.mass_kg + robot.trailer.mass_kg)
-    lifted_n = footage.arrows_m[-1, :, 1, 2].sum() / FORCE_SCALE_M_N
+    lifted_n = footage.arrows_m[-1, :, 1, 2].sum() / force_scale_m_n(robot)
     assert lifted_n == pytest.approx(weight_n, rel=0.05)
 
 

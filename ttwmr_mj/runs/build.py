@@ -179,7 +179,7 @@ def make_sensor(
     if section.kind == "truth":
         return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
-    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.vision.camera.drawn import build_drawn_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
     calibration_rng, camera_rng = rngs[0].spawn(2)
@@ -187,7 +187,7 @@ def make_sensor(
         section,
         find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
         scenario.believed_robot,
-        build_model(scenario.robot, scenario.plant.contact),
+        build_drawn_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,

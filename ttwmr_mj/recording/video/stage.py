@@ -31,7 +31,7 @@ PATHS: dict[str, tuple[float, float, Colour]] = {
 }
 DRIVEN = ("tractor", "trailer")
 THICKNESS_M = 2e-4
-LIFT_M = 0.1  # forces are drawn above the robot, inside it they cannot be seen
+LIFT_M = 0.1  # of Table I's robot: forces are drawn above the robot, inside it they cannot be seen
 ARROW_M = 0.004  # half the width of a force's arrow
 SHADE = (0.0, 0.0, 0.0, 0.22)
 SHADE_MARGIN_M = 0.006
@@ -85,12 +85,13 @@ class Stage:
         """Set the scene up as it is at a frame."""
         self._update(frame)
         scene, count = self._scene, self._first_moving
+        scale = self._footage.scenario.robot.looks_scale
         for origin, vector in self._footage.arrows_m[frame]:
             geom = scene.geoms[count]
             _look(geom, mujoco.mjtGeom.mjGEOM_ARROW, style.FORCE)
             kind = mujoco.mjtGeom.mjGEOM_ARROW
-            foot = origin + [0.0, 0.0, LIFT_M]
-            mujoco.mjv_connector(geom, kind, ARROW_M, foot, foot + vector)
+            foot = origin + [0.0, 0.0, scale * LIFT_M]
+            mujoco.mjv_connector(geom, kind, scale * ARROW_M, foot, foot + vector)
             count += 1
         for body in self._bodies:
             self._shade(scene.geoms[count], body)
