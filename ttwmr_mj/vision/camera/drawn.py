@@ -8,11 +8,11 @@ from collections import defaultdict
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.mjcf import build_model, build_spec
 from ttwmr_mj.plants.outline import VISUAL_GROUP, chassis
 from ttwmr_mj.robot import RobotParameters
