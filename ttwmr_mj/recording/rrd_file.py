@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 from uuid import uuid4
@@ -12,6 +13,7 @@ import rerun_bindings
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.recording.layout import REPORT
+from ttwmr_mj.recording.outlet import Outlet
 from ttwmr_mj.recording.words import drawable
 
 if TYPE_CHECKING:
@@ -38,29 +40,50 @@ class RrdFile:
         self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
         self._stream.set_log_time_enabled(False)
         try:
-            self._stream.save(path, default_blueprint=layout)
-        except RuntimeError as error:
+            self._outlet = Outlet(path)
+        except OSError as error:
             raise InputError(f"{path}: cannot be written as a recording: {error}") from error
+        self._stream.save(self._outlet.name, default_blueprint=layout)
+        self._outlet.opened()
         self._open = True
         self._live = live
         if live is not None:
             live.follow(path)
         self._stream.send_recording_name(name)
 
+    def flush(self) -> None:
+        """Bring to the file what has been added.
+
+        Raises:
+            OSError: the file cannot be written.
+        """
+        self._stream.flush()
+        self._outlet.take()
+
     def close(self) -> None:
-        """Complete the file; nothing can be appended afterwards. A second call does nothing."""
+        """Complete the file; nothing can be appended afterwards. A second call does nothing.
+
+        Raises:
+            OSError: the file could not be written to its end.
+        """
+        if not self._open:
+            return
         self._open = False
         self._stream.disconnect()
         # the stream's threads outlive it otherwise
         rerun_bindings.flush_and_cleanup_orphaned_recordings()
-        if self._live is not None:
-            self._live.finish()
+        try:
+            self._outlet.close()
+        finally:
+            if self._live is not None:
+                self._live.finish()
 
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        self.close()
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        with suppress(OSError) if kind else nullcontext():  # the first fault is told
+            self.close()
 
     def _report(self, markdown: str, path: str = REPORT) -> None:
         """Show this in a text panel, instead of what it shows now."""

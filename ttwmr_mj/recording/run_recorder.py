@@ -109,7 +109,7 @@ class RunRecorder(RrdFile):
             self._stream.send_blueprint(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
-        self._stream.flush()
+        self.flush()
 
     def append_pace(self, time_s: FloatArray, behind: Sequence[bool]) -> None:
         """Record at which of the next samples a run that is held to the clock came too late.
@@ -138,7 +138,7 @@ class RunRecorder(RrdFile):
 
             self._camera = CameraView(self._stream, camera, layout, SHOW_EVERY)
         self._camera.append(records)
-        self._stream.flush()
+        self.flush()
 
     def finish(self, result_markdown: str, details_markdown: str = "") -> None:
         """Show how the run ended, and every plot over the range that its values took.

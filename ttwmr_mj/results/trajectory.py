@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import InputError, MachineError, of_system
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -155,13 +155,37 @@ class Trajectory:
 
         try:
             table = pq.read_table(path)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
-        angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
+        except (OSError, ValueError, pa.ArrowException) as error:
+            reason = of_system(error) if isinstance(error, OSError) else str(error).splitlines()[0]
+            raise InputError(f"cannot be read as a trajectory: {reason}", file=str(path)) from error
+        return cls.of_table(table, str(path))
+
+    @classmethod
+    def of_table(cls, table: pa.Table, file: str) -> Trajectory:
+        """The trajectory that `to_table` made a table of.
+
+        Args:
+            table: of one simulation.
+            file: where it is from, for the error.
+
+        Raises:
+            InputError: it lacks a column or has no rows, a column holds no numbers, or its times
+                do not increase.
+        """
+        names = table.column_names
+        angles = [re.fullmatch(r"theta(\d{1,3})_rad", name) for name in names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
         known = column_names(width)
-        if missing := [n for n in known if n not in {*table.column_names, *FOOTING}]:
-            raise InputError(f"not a trajectory: it lacks {', '.join(missing)}", file=str(path))
+        if missing := [n for n in known if n not in {*names, *FOOTING}]:
+            cut = [*missing[:5], *(["and others"] if missing[5:] else [])]
+            raise InputError(f"not a trajectory: it lacks {', '.join(cut)}", file=file)
+        if odd := [name for name in names if names.count(name) > 1 or not _numbers(table[name])]:
+            raise InputError(f"not a trajectory: no numbers in {', '.join(odd[:5])}", file=file)
+        if (
+            not table.num_rows
+            or not (np.diff(table["time_s"].to_numpy(), prepend=-np.inf) > 0).all()
+        ):
+            raise InputError("not a trajectory: its times do not increase", file=file)
         columns = {name: table[name].to_numpy()[:, None] for name in table.column_names}
         unknown = np.full((table.num_rows, 1), np.nan)
         columns |= {name: unknown for name in FOOTING if name not in columns}
@@ -233,6 +257,13 @@ class Trajectory:
         except ImportError as error:
             raise MachineError("to_pandas needs pandas: pip install pandas") from error
         return pd.DataFrame(self.to_columns(simulation))
+
+
+def _numbers(column: pa.ChunkedArray) -> bool:
+    import pyarrow.types as kinds
+
+    number = kinds.is_floating(column.type) or kinds.is_integer(column.type)
+    return bool(number or kinds.is_boolean(column.type)) and not column.null_count
 
 
 def _blank(n: int, nsim: int, *shape: int, value: float | bool = np.nan) -> Any:

@@ -27,7 +27,8 @@ class Bench(Quiet, name="bench"):
     )
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.folder import open_folder, results_folder
+        from ttwmr_mj.runs.folder import results_folder
+        from ttwmr_mj.runs.new_folder import make_folder
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
         from ttwmr_mj.studies.bench.scoring import collect
@@ -37,7 +38,7 @@ class Bench(Quiet, name="bench"):
         folder = self.out or results_folder("bench", suite.name)
         not_run: dict[str, str] = {}
         if not self.rescore:
-            open_folder(folder, force=True)
+            make_folder(folder)
             not_run = self._run(suite, folder)
             if len(not_run) == len(rows_of(suite)):
                 raise RunError(_told(not_run))

@@ -9,6 +9,7 @@ import numpy as np
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.curves import Curves, trailer_com
+from ttwmr_mj.results.row_stream import read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -54,12 +55,12 @@ class Footage:
         Raises:
             InputError: it is no run folder, or the run has no such times.
         """
-        if not (folder / "trajectory.parquet").is_file():
+        if not any(folder.glob("trajectory.*")):
             raise InputError(f"{folder}: no run folder, it has no trajectory.parquet")
         if not 0.0 < speed < float("inf"):
             raise InputError.at("--speed", got=f"{speed:g}", allowed="more than 0")
         scenario = load_scenario(str(folder / "scenario.resolved.toml"))
-        rows = Trajectory.read(folder / "trajectory.parquet")
+        rows = read_run(folder)
         alive = np.isfinite(rows.q[:, 0]).all(axis=1)
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         last_s = float(rows.time_s[-1]) if len(rows) else 0.0

@@ -9,6 +9,7 @@ from typing import Any
 
 from ttwmr_mj.files import write_json
 from ttwmr_mj.runs.foresight import foretold
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -16,7 +17,6 @@ from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, row
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.ingredients import made_of_run
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
-from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept
 
 BATCH = 16  # rows at once: what a kill may cost

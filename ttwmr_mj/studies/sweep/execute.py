@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.state import BoolArray
-from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
 from ttwmr_mj.studies.sweep.folder.part import Part
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures

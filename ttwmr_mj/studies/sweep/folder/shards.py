@@ -104,11 +104,14 @@ def write_shard(folder: Path, plan: Plan, rows: IntArray, content: bytes) -> Non
     path = into / _name(rows)
     # no other process writes under this name, and what a killed one leaves is no *.parquet
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{os.urandom(4).hex()}.part")
-    with temporary.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _name(rows: IntArray) -> str:
