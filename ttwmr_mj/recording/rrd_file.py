@@ -19,6 +19,8 @@ from ttwmr_mj.recording.words import drawable
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
 
+APPLICATION = "ttwmr"
+
 
 class RrdFile:
     """Base of what writes recordings; a context manager that closes the file on any way out.
@@ -37,14 +39,15 @@ class RrdFile:
         self, path: Path, name: str, layout: rrb.Blueprint, live: LiveView | None = None
     ) -> None:
         rr.set_strict_mode(True)  # else wrong calls only warn
-        self._stream = rr.RecordingStream("ttwmr", recording_id=uuid4(), send_properties=False)
+        self._stream = rr.RecordingStream(APPLICATION, recording_id=uuid4(), send_properties=False)
         self._stream.set_log_time_enabled(False)
         try:
             self._outlet = Outlet(path)
         except OSError as error:
             raise InputError(f"{path}: cannot be written as a recording: {error}") from error
-        self._stream.save(self._outlet.name, default_blueprint=layout)
+        self._stream.save(self._outlet.name)
         self._outlet.opened()
+        self._show(layout, make_active=False)
         self._open = True
         self._live = live
         if live is not None:
@@ -89,6 +92,30 @@ class RrdFile:
         """Show this in a text panel, instead of what it shows now."""
         document = rr.TextDocument(drawable(markdown), media_type=rr.MediaType.MARKDOWN)
         self._stream.log(path, document, static=True)
+
+    def _show(self, layout: rrb.Blueprint, *, make_active: bool = True) -> None:
+        """Let the viewer show this from now on.
+
+        Rerun's own `send_blueprint` leaves a stream behind, with two threads and what it held: the
+        stream and the memory it was written to hold each other. Here its end is disconnected.
+        """
+        drawn = rr.RecordingStream._from_native(
+            rerun_bindings.new_blueprint(
+                application_id=APPLICATION,
+                make_default=False,
+                make_thread_default=False,
+                default_enabled=True,
+            )
+        )
+        drawn.set_time("blueprint", sequence=0)
+        layout.to_blueprint()._log_to_stream(drawn)
+        rerun_bindings.send_blueprint(
+            drawn.memory_recording().storage,
+            make_active=make_active,
+            make_default=True,
+            recording=self._stream.to_native(),
+        )
+        drawn.disconnect()
 
     def _check_open(self) -> None:
         if not self._open:  # rerun would drop the data with a warning

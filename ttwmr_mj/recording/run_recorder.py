@@ -106,7 +106,7 @@ class RunRecorder(RrdFile):
         self._scene.append(rows, curves)
         if (signals := tuple(rows.signals)) != self._signals:
             self._signals = signals  # the layout was sent before the law said what it logs
-            self._stream.send_blueprint(self._layout(signals=signals))
+            self._show(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
         self.flush()
@@ -153,7 +153,7 @@ class RunRecorder(RrdFile):
         if self._last_s is not None:
             times_s, ranges = (0.0, self._last_s), self._plots.ranges
             layout = self._layout(signals=self._signals, ranges=ranges, times_s=times_s)
-            self._stream.send_blueprint(layout)
+            self._show(layout)
 
 
 def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:

@@ -128,7 +128,7 @@ class ComparisonRecorder(RrdFile):
         _log_miss(self._stream, pair, time_column(time_s))
         self._plot(time_s, _residuals(pair))
         draw_key(self._stream, _key(pair))
-        self._stream.send_blueprint(_blueprint(self._name, pair))
+        self._show(_blueprint(self._name, pair))
 
     def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
         for plots in TABS.values():

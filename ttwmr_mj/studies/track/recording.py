@@ -78,7 +78,7 @@ class TrackRecorder(RrdFile):
     def close(self) -> None:
         """Show every plot over the range that its values took, and complete the file."""
         if self._open and self._times_s is not None:
-            self._stream.send_blueprint(_blueprint(self._name, self._ranges, self._times_s))
+            self._show(_blueprint(self._name, self._ranges, self._times_s))
         super().close()
 
 
