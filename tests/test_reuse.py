@@ -41,7 +41,7 @@ def tasks():
         yield run_task(name, load_scenario(base, overrides), Path("out") / name, [], Path())
     module = "ttwmr_mj.studies.reproduce.ideal.phase_plane"
     made_of = made_of_study(module, ("numpy",))
-    yield Work(made_of, Path("out/study.json"), job=Job("study", print))
+    yield Work(made_of, Path("out/study.json"), (), job=Job("study", print))
 
 for task in tasks():
     assert task.changes() is None and not task.is_done

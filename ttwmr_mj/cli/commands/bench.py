@@ -31,7 +31,7 @@ class Bench(Quiet, name="bench"):
         from ttwmr_mj.runs.new_folder import make_folder
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
-        from ttwmr_mj.studies.bench.scoring import collect
+        from ttwmr_mj.studies.bench.scoring import collect, told_damaged
         from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
         suite = load_suite(self.suite)
@@ -49,6 +49,8 @@ class Bench(Quiet, name="bench"):
         print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
         if not_run:
             raise RunError(_told(not_run))
+        if board.damaged:
+            raise RunError(told_damaged(board.damaged))
         return 0
 
     def _run(self, suite: Suite, folder: Path) -> dict[str, str]:
