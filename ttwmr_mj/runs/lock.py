@@ -34,30 +34,30 @@ def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
         yield
         return
     with file:
-        file.truncate(0)
-        file.write(f"process {os.getpid()} on {socket.gethostname()}\n")
-        file.flush()
         try:
+            with suppress(OSError):  # a full disk holds the lock all the same
+                file.truncate(0)
+                file.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
             yield
         finally:
             with suppress(OSError):
                 path.unlink()  # while it is held: see `_is_at`
 
 
-def _taken(path: Path, key: str) -> IO[str] | None:
+def _taken(path: Path, key: str) -> IO[bytes] | None:
     """The lock's file, open and locked; None where there are no locks."""
     try:
         import fcntl
     except ImportError:
         return None
     while True:
-        file = path.open("a+", encoding="utf-8")
+        file = path.open("a+b", buffering=0)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             with file:
                 file.seek(0)
-                holder = file.read().strip()
+                holder = file.read().decode(errors="replace").strip()
             hint = "wait for it, or give each process its own folder"
             problem = f"another process fills this folder: {holder}"
             raise InputError.at(key, problem, got=str(path.parent), hint=hint) from error
@@ -69,7 +69,7 @@ def _taken(path: Path, key: str) -> IO[str] | None:
         file.close()
 
 
-def _is_at(path: Path, file: IO[str]) -> bool:
+def _is_at(path: Path, file: IO[bytes]) -> bool:
     """Whether an open file is the one of this name; its holder may have deleted it meanwhile."""
     try:
         return os.path.samestat(path.stat(), os.fstat(file.fileno()))
