@@ -53,6 +53,7 @@ class RunRecorder(RrdFile):
         camera: whether a camera's view will be added (`append_camera`).
         paced: whether it will be said where the run fell behind (`append_pace`).
         live: shows the run while it is recorded.
+        footer: as of `RrdFile`.
 
     Raises:
         InputError: the file cannot be created.
@@ -70,10 +71,11 @@ class RunRecorder(RrdFile):
         camera: bool = False,
         paced: bool = False,
         live: LiveView | None = None,
+        footer: bool = True,
     ) -> None:
         floor_m = floor_corners(reference)
         self._layout = partial(blueprint, name, reference, floor_m, camera=camera, paced=paced)
-        super().__init__(path, name, self._layout(), live)
+        super().__init__(path, name, self._layout(), live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
         self._signals: tuple[str, ...] = ()

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.coco import FrameExport
     from ttwmr_mj.vision.sensor import CameraSensor
 
+LONG_S = 120.0  # runs beyond it are recorded without a table of contents, which takes memory
 Progress = Callable[[float], None]
 
 
@@ -133,6 +134,7 @@ def _recorder(
         camera=scenario.sensing.kind == "camera",
         paced=bool(pace.speed),
         live=live,
+        footer=live is None and scenario.duration_s <= LONG_S,
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -113,7 +114,8 @@ def _at(time_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArr
 def _arrows(recording: Path, time_s: FloatArray) -> tuple[FloatArray, str]:
     """The arrows of the forces; none, and why, where the recording is damaged."""
     try:
-        return _read_arrows(recording, time_s), ""
+        with warnings.catch_warnings(action="ignore"):  # that a file has no table of contents
+            return _read_arrows(recording, time_s), ""
     except Exception as error:  # whatever Rerun's reader makes of a file that is cut off
         why = described(error).splitlines()[0]
         return np.zeros((len(time_s), 0, 2, 3)), f"no forces, {recording} is damaged: {why}"

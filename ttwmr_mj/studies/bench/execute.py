@@ -51,7 +51,7 @@ def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     """
     path = row_folder(row, folder) / ROW_FILE
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
     known = isinstance(stored, dict) and all(
