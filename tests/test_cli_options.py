@@ -23,6 +23,7 @@ from ttwmr_mj.cli.commands.new import New
 from ttwmr_mj.cli.commands.plan import PlanCommand
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
+from ttwmr_mj.cli.commands.score import Score
 from ttwmr_mj.cli.commands.sweep import Sweep
 from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
@@ -44,6 +45,7 @@ NAMES = (
     "plan",
     "reproduce",
     "run",
+    "score",
     "sweep",
     "track",
     "validate",
@@ -141,6 +143,7 @@ EVERYTHING = {
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
     ),
+    "score r --quiet --debug": Score(run=Path("r"), quiet=True, debug=True),
     "new mine --controller --out o --force --debug": New(
         wanted="mine", controller=True, out=Path("o"), force=True, debug=True
     ),
@@ -367,7 +370,7 @@ def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_bytes(b"")
+        Path(name).write_bytes(b"RRF2")
         os.utime(name, (100 + k % 2, 100 + k % 2))  # c.rrd is the newest
     with pytest.raises(MachineError, match="pip install rerun-sdk"):
         main(["view", "--debug"])

@@ -150,7 +150,7 @@ def test_a_changed_scenario_library_or_missing_file_is_told_apart(tmp_path: Path
     task = run_task("a", scenario, tmp_path, [])
     task.mark_done()
     stored = json.loads(task.mark.read_text())
-    assert set(stored) == {"scenario", "data", "code", "libraries"}
+    assert set(stored) == {"scenario", "data", "code", "libraries", "files"}
     assert {"python", "mujoco", "numpy", "scipy", "opencv-python-headless"} == set(
         stored["libraries"]
     )
