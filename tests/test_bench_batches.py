@@ -219,6 +219,7 @@ def test_a_second_bench_on_the_folder_is_refused(folder: Path) -> None:
     assert not (folder / "out" / "runs").exists()
 
 
+@pytest.mark.slow
 def test_scoring_leaves_out_rows_that_are_run_again_meanwhile(folder: Path) -> None:
     suite = load_suite(str(folder / "suite.toml"))
     suite = suite.model_copy(update={"block": suite.block[:1]})

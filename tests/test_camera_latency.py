@@ -26,6 +26,7 @@ def drive(learns: bool, *sets: str) -> tuple[float, str, Experiment]:
     return centre, result.verdicts[0].name, experiment
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("late", "extra_s"),
     [(LATE, 0.033), pytest.param("sensing.latency_s=0.0", -0.033, marks=pytest.mark.slow)],

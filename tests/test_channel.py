@@ -154,6 +154,7 @@ def test_servos_hold_the_last_command_that_arrived() -> None:
     np.testing.assert_array_equal(again.q, rows.q[:, :2])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["flatness", "tvlqr"])
 def test_a_latency_of_commands_that_is_told_costs_nothing(law: str) -> None:
     """The law steers the state that its command will act on; what it is not told, it pays for."""

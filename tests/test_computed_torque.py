@@ -54,6 +54,7 @@ def test_the_inverted_trailer_is_held_as_well_as_by_velocity_servos(plant: str) 
         assert found["steady_theta2_rmse_rad"] < 1e-5
 
 
+@pytest.mark.slow
 def test_motors_with_an_encoder_of_0_3_degrees_hold_it_too() -> None:
     found = numbers(
         drive("inverted_trailer", "duration_s=12.0", ON_IT, COMPUTED, "robot.servo.motor={}")

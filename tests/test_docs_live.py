@@ -31,6 +31,7 @@ def test_every_command_parses() -> None:
         parse(words[1:])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", blocks("python"))
 def test_its_python_runs(code: str, tmp_path: Path) -> None:
     command = [sys.executable, "-c", code]

@@ -33,7 +33,14 @@ def test_every_script_is_expected_to_say_something() -> None:
     assert [script.stem for script in SCRIPTS] == sorted(SAID)
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda script: script.stem)
+@pytest.mark.parametrize(
+    "script",
+    [
+        pytest.param(script, marks=pytest.mark.slow if script.stem == "three_laws" else [])
+        for script in SCRIPTS
+    ],
+    ids=lambda script: script.stem,
+)
 def test_a_script_runs_and_says_what_its_page_says(
     script: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -55,6 +62,7 @@ def test_a_script_runs_by_itself(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_and_its_outputs_are_not_kept(tmp_path: Path) -> None:
     nbclient = pytest.importorskip("nbclient")
     import nbformat

@@ -77,6 +77,7 @@ def test_drawings_keep_their_text(folder: Path, name: str) -> None:
     assert any("[" in text for text in texts), "no unit in any label"
 
 
+@pytest.mark.slow
 def test_same_trajectory_same_bytes(folder: Path, logged: Logged) -> None:
     for path in folder.iterdir():
         assert path.read_bytes() == (logged.folder / path.name).read_bytes(), path.name

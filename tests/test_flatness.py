@@ -175,6 +175,7 @@ def test_the_law_converges_on_the_model(name: str) -> None:
     assert steady_mm(name, "plant.kind=analytic") < 0.05
 
 
+@pytest.mark.slow
 def test_it_works_on_an_ellipse() -> None:
     section = FlatEllipse(kind="flat_ellipse", half_axes_m=(0.6, 0.45), angular_rate_rad_s=1.0)
     scenario = load_scenario("outer_circle", ["plant.kind=analytic"])

@@ -111,6 +111,7 @@ def test_what_leaves_the_picture() -> None:
     assert foreseen(circle(*big, "sensing.kind='camera'", "sensing.camera.height_m=4.0")) == []
 
 
+@pytest.mark.slow
 def test_bench_says_it_once_for_all_laws(tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text(
         'name = "s"\nseeds = [0]\n[controller.a]\n[controller.b]\n'

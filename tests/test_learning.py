@@ -147,6 +147,7 @@ def test_only_what_is_asked_for_is_learned(name: Learnable) -> None:
     np.testing.assert_array_equal(nothing.influence, 0.0)
 
 
+@pytest.mark.slow
 def test_everything_is_found_on_a_drive_that_excites_it() -> None:
     observer = watcher()
     seen = watched(observer, wandering, 1000, RUBBING, SLOPE)

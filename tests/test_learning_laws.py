@@ -105,6 +105,7 @@ def test_rolling_resistance_that_nobody_told_of(law: str) -> None:
     assert learned == pytest.approx(1e-4, rel=0.2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "law", [pytest.param("flatness", marks=pytest.mark.slow), "tvlqr", SLOW_MPC]
 )
@@ -132,6 +133,7 @@ def test_a_plan_made_anew_is_for_when_commands_arrive() -> None:
     assert errors(result("tvlqr", ("slope",), *sets))[0] < 2e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.98, pytest.param(1.02, marks=pytest.mark.slow)])
 def test_a_wheel_radius_that_is_off(share: float) -> None:
     radius = RobotParameters().tractor.wheel_radius_m
@@ -170,6 +172,7 @@ def test_the_log_says_what_was_learned_with_units(tmp_path: Path) -> None:
     assert {name for name in names if "learned" in name} == expected | {"learned_latency_s"}
 
 
+@pytest.mark.slow
 def test_runs_are_judged_by_what_carries_f_on_the_floor_there_is() -> None:
     scenario = scenario_of("tvlqr", ("slope",), *SLOPE)
     level = scenario_of("tvlqr", ("slope",))

@@ -69,6 +69,7 @@ def test_more_time_where_none_was_asked_for_and_the_limits_ask() -> None:
     assert found.used["wheel acceleration"] < 1.0 + 1e-3
 
 
+@pytest.mark.slow
 def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
     limits = limits_of(SPRUNG, 0.9)
     with pytest.raises(RunError, match=r"wheel speed: .* --duration (\d+\.?\d*)") as caught:

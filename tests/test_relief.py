@@ -17,7 +17,8 @@ from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.robot import OUTDOOR_SCALE, Hitch, RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters
+from ttwmr_mj.robot.outdoor import OUTDOOR_SCALE
 from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.state import RobotState
 

@@ -100,6 +100,7 @@ def test_only_a_study_without_its_library_is_no_failure(
     assert done.runs_failed == failed
 
 
+@pytest.mark.slow
 def test_one_figure_alone(tmp_path: Path) -> None:
     out = tmp_path / "out"
     done = reproduce(out, ["phase-plane"], quiet=True)

@@ -63,12 +63,12 @@ END, CODE = r"\Z", "\nEXTRA = 1\n"
 # what is edited: (file, pattern, replacement), which runs are made again, and why
 EDITS = {
     "default": (
-        ("ttwmr_mj/robot.py", r"(float = (?:Field\(\s*default=)?)0\.", r"\g<1>9."),
+        ("ttwmr_mj/robot/bodies.py", r"(float = (?:Field\(\s*default=)?)0\.", r"\g<1>9."),
         EVERY,
-        "code.ttwmr_mj.robot",
+        "code.ttwmr_mj.robot.bodies",
     ),
-    "docstring": (("ttwmr_mj/robot.py", '"""', '"""Other words. '), set(), ""),
-    "comment": (("ttwmr_mj/robot.py", END, "\n# a comment\n"), set(), ""),
+    "docstring": (("ttwmr_mj/robot/bodies.py", '"""', '"""Other words. '), set(), ""),
+    "comment": (("ttwmr_mj/robot/bodies.py", END, "\n# a comment\n"), set(), ""),
     "imported lazily": (
         ("ttwmr_mj/vision/tracking/kalman.py", END, CODE),
         {"camera"},
@@ -127,6 +127,7 @@ def copy(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_run_is_made_again_if_and_only_if_what_it_is_made_of_has_changed(copy: Path) -> None:
     edits = [(name, *edit) for name, (edit, _, _) in EDITS.items()]
     done = subprocess.run(

@@ -133,7 +133,7 @@ def test_numbers_are_read_in_handy_units() -> None:
     scenario = tt.load_scenario("lab_circle")
     assert result_text(scenario, metrics).split("\n\n") == [
         "# Tractor follows, trailer lost",
-        "## 12.3 mm: trailer, rms error, 2nd half",
+        "## 12.3 mm: trailer's F, rms error, 2nd half",
         "θ2 2 rad off",
         scenario.description,
         "contact · lyapunov · sees the truth · seed 0",
@@ -147,7 +147,7 @@ def test_numbers_are_read_in_handy_units() -> None:
     assert figure_title(scenario, metrics) == [
         "lab_circle: tractor follows, trailer lost",
         "contact · lyapunov · sees the truth · seed 0",
-        "12.3 mm: trailer, rms error, 2nd half",
+        "12.3 mm: trailer's F, rms error, 2nd half",
     ]
     broken = metrics | {"verdict": "failed", "verdict_reason": "it broke"}
     assert result_text(scenario, broken).startswith("# Failed\n\n## 12.3 mm")
@@ -158,8 +158,8 @@ def test_the_headline_is_the_metric_of_the_task() -> None:
     assert headline({centre: 2e-3, tractor: 1e-3}) == f"{centre} = 0.002"
     assert headline({centre: None, tractor: 1e-3}) == f"{tractor} = 0.001"
     assert headline({centre: None, tractor: None}) == ""
-    assert headline_words({centre: 2e-3, tractor: 1e-3}) == "2 mm: trailer, rms error, 2nd half"
-    assert headline_words({centre: None, tractor: 1e-3}) == "1 mm: tractor, rms error, 2nd half"
+    assert headline_words({centre: 2e-3, tractor: 1e-3}) == "2 mm: trailer's F, rms error, 2nd half"
+    assert headline_words({centre: None, tractor: 1e-3}) == "1 mm: P, rms error, 2nd half"
     assert headline_words({centre: None, tractor: None}) == ""
 
 

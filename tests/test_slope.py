@@ -164,6 +164,7 @@ def contact_and_model(ground: Ground, start: RobotState, periods: int) -> tuple[
     return tuple(paths)
 
 
+@pytest.mark.slow
 def test_contact_physics_agrees_with_the_models_on_a_slope() -> None:
     start = RobotState.at_rest(0.0, 0.0, 0.2, 1.0)
     contact, plain, extended = contact_and_model(SLOPE, start, 60)

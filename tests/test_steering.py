@@ -61,6 +61,7 @@ def test_the_eight_by_camera() -> None:
     assert np.sqrt((errors**2).mean()) <= 8.0
 
 
+@pytest.mark.slow
 def test_rest_to_rest_by_camera() -> None:
     tractor_mm, trailer_mm, angle_deg = final_errors(drive("rest_to_rest_camera"))
     assert tractor_mm <= 8.0
@@ -89,6 +90,7 @@ def test_the_lab_servo_holds_the_trailer_inside_the_circle() -> None:
     assert errors[-30:].max() <= 6.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["inverted_trailer", "outer_circle"])
 def test_a_pushed_trailer_is_caught(name: str) -> None:
     """0.5 N for 0.2 s, which the law without ways back does not survive."""

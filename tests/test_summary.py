@@ -48,6 +48,7 @@ def test_it_says_what_ran_and_what_is_drawn(folder: Path) -> None:
     assert "estimate of P" not in shown  # the law saw the truth
 
 
+@pytest.mark.slow
 def test_same_trajectory_same_bytes(folder: Path, tmp_path: Path) -> None:
     for path in write_summary(circle_run(), ROBOT, tmp_path, TITLE):
         assert path.read_bytes() == (folder / path.name).read_bytes(), path.name

@@ -102,6 +102,7 @@ def test_a_task_is_what_this_process_computes(plan: Plan) -> None:
     assert shard_by_process(plan, rows) == done.content  # type: ignore[union-attr]
 
 
+@pytest.mark.slow
 def test_a_worker_with_other_code_is_refused(plan: Plan) -> None:
     code = plan.made_of["code"] | {"ttwmr_mj.controllers.lyapunov": "0" * 16}
     other = replace(plan, made_of=plan.made_of | {"code": code})

@@ -228,6 +228,7 @@ def sensitivity(folder: Path, samples: int) -> dict[str, Any]:
     return {one.of: one for one in find(Sweep.read(folder)).sensitivity}
 
 
+@pytest.mark.slow
 def test_sobol_indices_find_what_the_drawn_errors_hang_on(tmp_path: Path) -> None:
     few = sensitivity(tmp_path / "few", 32)
     assert not any(index.converged for index in few["failed"].indices)

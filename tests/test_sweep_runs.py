@@ -72,6 +72,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "out"
 
 
+@pytest.mark.slow
 def test_every_row_is_there_with_its_values(finished: Path) -> None:
     rows = rows_of(finished)
     assert [row["row"] for row in rows] == list(range(12))
@@ -83,6 +84,7 @@ def test_every_row_is_there_with_its_values(finished: Path) -> None:
     assert (finished / "report.html").is_file()
 
 
+@pytest.mark.slow
 def test_a_row_is_the_run_of_its_scenario(finished: Path) -> None:
     """Bit for bit, however it was batched; of rows with noise and with other seeds."""
     rows = rows_of(finished)
@@ -101,6 +103,7 @@ def test_a_row_is_the_run_of_its_scenario(finished: Path) -> None:
         assert f"reference.radius_m={row['reference.radius_m']}" in sets
 
 
+@pytest.mark.slow
 def test_every_metric_that_can_be_repeated_is_a_column(finished: Path) -> None:
     run = next((finished / "recorded").iterdir())
     numbers = json.loads((run / "metrics.json").read_text())
@@ -115,6 +118,7 @@ def test_every_metric_that_can_be_repeated_is_a_column(finished: Path) -> None:
     assert numbers.keys() - of_this_machine - words == set(NUMBERS)
 
 
+@pytest.mark.slow
 def test_what_is_recorded_is_what_was_meant(finished: Path) -> None:
     rows = rows_of(finished)
     metric = json.loads((finished / "plan.json").read_text())["headline_metric"]
@@ -124,6 +128,7 @@ def test_what_is_recorded_is_what_was_meant(finished: Path) -> None:
     assert {int(p.name.removeprefix("row-")) for p in (finished / "recorded").iterdir()} == meant
 
 
+@pytest.mark.slow
 def test_a_finished_sweep_is_not_computed_again(
     finished: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

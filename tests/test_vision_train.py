@@ -14,9 +14,9 @@ import ttwmr_mj as tt
 from ttwmr_mj.dynamics.train import links
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.frame import TRAILER_CLASS
 from ttwmr_mj.vision.camera.labels import LabelLayout, read_layout
 from ttwmr_mj.vision.camera.model import hang_camera
@@ -39,7 +39,7 @@ FREE = {"stiffness_n_m_rad": 0.02, "damping_n_m_s_rad": 0.01, "coulomb_friction_
 
 @cache
 def model(count: int) -> mujoco.MjModel:
-    return build_model(train(count), ContactOptions())
+    return build_drawn_model(train(count), ContactOptions())
 
 
 def layout(count: int = 3) -> LabelLayout:
@@ -164,6 +164,7 @@ def test_faults_can_be_of_a_trailer_behind() -> None:
     camera.close()
 
 
+@pytest.mark.slow
 def test_a_train_whose_last_trailer_is_covered_is_said_to_be_lost_and_comes_back() -> None:
     labels, robot = layout(2), train(2)
     seconds = [{"over": "trailer", "trailer": 2, "diameter_m": 0.2, "start_s": 0.5, "end_s": 4.0}]
@@ -317,6 +318,7 @@ def test_a_train_of_one_is_one_trailer() -> None:
         assert a == pytest.approx(b, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_the_double_inverted_train_is_held_by_camera() -> None:
     short = tt.load_scenario("double_inverted_camera", ["duration_s=6.0"])
     result = tt.simulate(short)

@@ -91,7 +91,7 @@ def scenario_name(out: Path) -> str:
 
 def _title(out: Path, request: Request, end_s: float) -> str:
     count = len(request.points_m)
-    how = "round and round, one in" if request.closed else "from rest to rest in"
+    how = "a closed path, one round in" if request.closed else "from rest to rest in"
     return f"{scenario_name(out)}: {count} points, {how} {end_s:.3g} s"
 
 

@@ -18,7 +18,7 @@ from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import DETAILS
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene
+from ttwmr_mj.recording.scene import Scene, force_scale_m_n
 from ttwmr_mj.recording.series import StateLog
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
@@ -74,7 +74,15 @@ class RunRecorder(RrdFile):
         footer: bool = True,
     ) -> None:
         floor_m = floor_corners(reference)
-        self._layout = partial(blueprint, name, reference, floor_m, camera=camera, paced=paced)
+        self._layout = partial(
+            blueprint,
+            name,
+            reference,
+            floor_m,
+            camera=camera,
+            paced=paced,
+            looks_scale=robot.looks_scale,
+        )
         super().__init__(path, name, self._layout(), live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
@@ -83,7 +91,7 @@ class RunRecorder(RrdFile):
         self._report(summary_markdown)
         self._report(summary_markdown, DETAILS)
         self._last_s: float | None = None
-        draw_key(self._stream, _key(reference, camera))
+        draw_key(self._stream, _key(robot, reference, camera))
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
         self._camera: CameraView | None = None
@@ -158,10 +166,10 @@ class RunRecorder(RrdFile):
             self._show(layout)
 
 
-def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:
+def _key(robot: RobotParameters, reference: ReferencePath | None, camera: bool) -> list[Entry]:
     """What is drawn in the scene."""
     entries = [key.REFERENCE] if reference is not None else []
     entries += [key.TRACTOR, key.TRAILER]
     entries += [key.MISS] if reference is not None else []
     entries += [key.ESTIMATE] if camera else []
-    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6)]
+    return [*entries, (f"force, {1e3 * force_scale_m_n(robot):g} mm/N", style.FORCE, 1.6)]

@@ -140,7 +140,8 @@ class Planned(Reference):
             f"was made for a trailer with l + J2/(m2·l) = {plan.swing_length_m:g} m; this one has "
             f"{robot.swing_length_m:g} m"
         )
-        hint = "restore robot.trailer, or make a plan for this robot: `ttwmr plan`"
+        own = f"robot.trailer.com_offset_m={robot.trailer.com_offset_m:g}"
+        hint = f"restore robot.trailer, or plan anew: `ttwmr plan waypoints.csv --set {own}`"
         return [Fault(key=key, got=got, problem=problem, hint=hint)]
 
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:

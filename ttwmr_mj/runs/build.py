@@ -168,7 +168,7 @@ def make_sensor(
     if section.kind == "truth":
         return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
-    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.vision.camera.drawn import build_drawn_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
     calibration_rng, camera_rng = rngs[0].spawn(2)
@@ -176,7 +176,7 @@ def make_sensor(
         section,
         find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
         scenario.believed_robot,
-        build_model(scenario.robot, scenario.plant.contact),
+        build_drawn_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,
@@ -202,6 +202,9 @@ def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int
         q[3:], rate[3:] = q[2], rate[2]
     q[:4] += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
     q[4:] += start.more_trailers_offset_rad or 0.0
+    # P moves along the heading that the tractor has: wheels do not start sliding sideways
+    c, s = np.cos(start.theta1_offset_rad), np.sin(start.theta1_offset_rad)
+    rate[:2] = c * rate[0] - s * rate[1], s * rate[0] + c * rate[1]
     return RobotState(q=np.tile(q, (nsim, 1)), q_rate=np.tile(rate, (nsim, 1)))
 
 

@@ -11,6 +11,13 @@ from ttwmr_mj.recording.viewer import display
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.vision.camera.gl import BACKENDS, DEBIAN_PACKAGES, probe
 
+# extra → the distribution that it is for
+EXTRAS = {
+    "planning": "casadi",
+    "reproduce": "sympy",
+    "video": "imageio-ffmpeg",
+    "cluster": "distributed",
+}
 VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 
 
@@ -26,6 +33,7 @@ def examine() -> tuple[str, bool]:
     lines += ["Libraries", *(f"  {n:24s} {found or 'MISSING'}" for n, found in versions.items())]
     if missing:
         lines.append(f"  install them: pip install {' '.join(missing)}")
+    lines += ["", "Extras, each for what it is named after", *_extras()]
     lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)", *_opengl()]
     lines += ["", "Display, for windows (not needed to record)", *_display()]
     lines += ["", "Vulkan, for the Rerun viewer (not needed to record)", *_vulkan()]
@@ -36,6 +44,15 @@ def _required() -> list[str]:
     """Names of the distributions this package cannot do without."""
     wanted = [line for line in requires("ttwmr-mj") or [] if "extra ==" not in line]
     return [re.split(r"[<>=!~ ;\[]", line, maxsplit=1)[0] for line in wanted]
+
+
+def _extras() -> list[str]:
+    """What the user's extras bring, and how to install those that are missing."""
+    lines = []
+    for extra, name in EXTRAS.items():
+        found = library_version(name) or f"missing: pip install 'ttwmr-mj[{extra}]'"
+        lines.append(f"  {extra:11s} {name:14s} {found}")
+    return lines
 
 
 def _opengl() -> list[str]:
@@ -49,7 +66,7 @@ def _opengl() -> list[str]:
 def _display() -> list[str]:
     if (found := display()) is not None:
         return [f"  {found}"]
-    return ["  none: look on in a browser, with ttwmr view --web or ttwmr run --live=web"]
+    return ["  none: watch in a browser, with ttwmr view --web or ttwmr run --live=web"]
 
 
 def _vulkan() -> list[str]:

@@ -7,8 +7,8 @@ from ttwmr_mj.scenario.schema import Scenario
 
 # what a run is measured by: where the trailer goes if the reference says where, else where P goes
 HEADLINES = {
-    "steady_centre_of_oscillation_rmse_m": "trailer, rms error, 2nd half",
-    "steady_tractor_rmse_m": "tractor, rms error, 2nd half",
+    "steady_centre_of_oscillation_rmse_m": "trailer's F, rms error, 2nd half",
+    "steady_tractor_rmse_m": "P, rms error, 2nd half",
 }
 RESULT_ROWS = (
     ("steady_centre_of_oscillation_rmse_m", "trailer's F, rms error, 2nd half", 1e3, "mm"),

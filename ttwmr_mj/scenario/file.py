@@ -1,6 +1,7 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -33,10 +34,18 @@ def find_scenario(name_or_path: str) -> Path:
         return shipped[path.stem]
     problem = "no such scenario file, and no shipped scenario of that name"
     missing = Fault(
-        problem=f"{problem}{suggestion(path.stem, list(shipped))}",
-        hint=f"shipped: {', '.join(shipped)}",
+        problem=f"{problem}{_near(path, list(shipped))}", hint=f"shipped: {', '.join(shipped)}"
     )
     raise InputError(missing, file=name_or_path)
+
+
+def _near(path: Path, shipped: list[str]) -> str:
+    """A hint at a file beside the one that is not there, or else at a scenario that is shipped."""
+    with suppress(OSError):  # such a folder need not be there, nor be one
+        beside = sorted(str(path.with_name(file.name)) for file in path.parent.glob("*.toml"))
+        if hint := suggestion(str(path), beside):
+            return hint
+    return suggestion(path.stem, shipped)
 
 
 def load_scenario(

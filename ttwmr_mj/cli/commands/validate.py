@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Validate(Overrides, name="validate"):
-    """Check scenario files and print nothing if they are valid."""
+    """Check scenario files; of valid ones with a shipped law nothing is printed."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
     run_code: bool = option(
@@ -52,6 +52,8 @@ class Validate(Overrides, name="validate"):
         faults = law_faults(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
+        target = getattr(scenario.controller, "target", "")
         if scenario.controller.kind == "custom" and not self.run_code:
-            target = getattr(scenario.controller, "target", "")
             print(f"{name}: {target} was read, not run; --load imports and starts it")
+        elif scenario.controller.kind == "custom":
+            print(f"{name}: {target} was imported and started")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N
+from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.encode import check_format, write_video
@@ -160,8 +160,8 @@ class Film:
         if np.isfinite(self._footage.rows.ref_q[:, 0, 0]).any():
             entries.insert(0, ("reference", style.REFERENCE_BAND))
         if self._footage.arrows_m.shape[1] and self._stage is not None:
-            length_mm = 1e3 * FORCE_SCALE_M_N
-            entries.append((f"contact forces, 1 N = {length_mm:.0f} mm", style.FORCE))
+            length_mm = 1e3 * force_scale_m_n(self._footage.scenario.robot)
+            entries.append((f"contact forces, 1 N = {length_mm:g} mm", style.FORCE))
         return entries
 
 

@@ -104,6 +104,6 @@ def _blueprint(
         for plot, (title, series) in PLOTS.items()
     )
     states = layout.states_view("tracker", ("tracker",), times_s)
-    beside = rrb.Vertical(*plots, states, row_shares=[3, 3, 3, 2])
+    beside = rrb.Vertical(*plots, states, row_shares=[6, 4, 3, 2])
     picture = rrb.Vertical(layout.picture_view(name), layout.key_view(), row_shares=[18, 1])
     return layout.page(rrb.Horizontal(picture, beside, column_shares=[3, 2]))
