@@ -37,7 +37,7 @@ def resident_mb() -> float:
 def peak_mb() -> float:
     """The most that it ever held."""
     lines = Path("/proc/self/status").read_text().splitlines()
-    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) / 1e3
+    return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) * 1.024e-3
 
 
 def one_run(kind: str, duration_s: float) -> dict[str, object]:
