@@ -15,13 +15,13 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.runs.execute import run_scenario
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders, shareable
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.execute import row_folder, run_suite, stored_row
 from ttwmr_mj.studies.bench.scoring import collect
 from ttwmr_mj.studies.bench.suite import load_suite, rows_of
-from ttwmr_mj.studies.pool.lock import locked
 
 LEAN = ["duration_s=0.5", "output.figures=false", "output.recording=false"]
 NOISY = [*LEAN, "sensing.position_noise_m=0.001"]

@@ -92,7 +92,7 @@ def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.chdir(tmp_path)
     for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
         Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_bytes(b"")
+        Path(name).write_bytes(b"RRF2")
         os.utime(name, (100 + k % 2, 100 + k % 2))  # c.rrd is the newest
     with pytest.raises(MachineError, match="pip install rerun-sdk"):
         main(["view", "--debug"])

@@ -19,6 +19,7 @@ from ttwmr_mj.cli.commands.new import New
 from ttwmr_mj.cli.commands.plan import PlanCommand
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
+from ttwmr_mj.cli.commands.score import Score
 from ttwmr_mj.cli.commands.sweep import Sweep
 from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
@@ -39,6 +40,7 @@ NAMES = (
     "plan",
     "reproduce",
     "run",
+    "score",
     "sweep",
     "track",
     "validate",
@@ -136,6 +138,7 @@ EVERYTHING = {
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
     ),
+    "score r --quiet --debug": Score(run=Path("r"), quiet=True, debug=True),
     "new mine --controller --out o --force --debug": New(
         wanted="mine", controller=True, out=Path("o"), force=True, debug=True
     ),

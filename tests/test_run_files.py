@@ -13,7 +13,7 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.runs import folder as folders
-from ttwmr_mj.runs.folder import git_commit, open_folder, results_folder
+from ttwmr_mj.runs.folder import git_commit, results_folder
 from ttwmr_mj.runs.report import (
     HEADLINES,
     RESULT_ROWS,
@@ -110,15 +110,6 @@ def test_a_commit_is_named_whole_and_dirty_if_changed(
     assert git_commit() == commit
     (tmp_path / "file").write_text("two")
     assert git_commit() == f"{commit}-dirty"
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(tt.InputError, match=r"^--out: got .*inside; cannot make the folder: "):
-        open_folder(tmp_path / "file" / "inside", force=False)
-    open_folder(tmp_path / "deep" / "down", force=False)
-    open_folder(tmp_path / "deep" / "down", force=False)  # empty
-    assert (tmp_path / "deep" / "down").is_dir()
 
 
 def test_default_folders_sort_by_time() -> None:

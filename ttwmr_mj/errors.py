@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import re
 import unicodedata
 from dataclasses import dataclass, replace
@@ -10,6 +12,20 @@ from typing import Any
 Keys = tuple[str | int, ...]
 MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
 LONGEST_REASON = 1000  # letters of what an exception says of itself
+# what the user named cannot be used; any other error of the system is no fault of the input
+OF_NAMES = frozenset(
+    {
+        errno.ENAMETOOLONG,
+        errno.ENOENT,
+        errno.ENOTDIR,
+        errno.EISDIR,
+        errno.EEXIST,
+        errno.ELOOP,
+        errno.EACCES,
+        errno.EPERM,
+        errno.EINVAL,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +82,22 @@ def described(error: BaseException) -> str:
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
     text = text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
     return printable(text)
+
+
+def of_system(error: OSError) -> str:
+    """What the system refused, and of which file."""
+    name = "" if error.filename is None else str(error.filename)
+    short = name if len(name) <= 100 else f"{name[:97]}..."
+    # in the system's own words: libraries wrap them in theirs
+    why = os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
+    return f"{short}: {why}" if name else why
+
+
+def is_of_input(error: BaseException) -> bool:
+    """Whether an input is to blame (exit code 2), so that nothing was done."""
+    if isinstance(error, OSError):
+        return error.errno in OF_NAMES
+    return isinstance(error, TtwmrError) and not isinstance(error, RunError)
 
 
 def printable(text: str) -> str:

@@ -53,6 +53,7 @@ class RunRecorder(RrdFile):
         camera: whether a camera's view will be added (`append_camera`).
         paced: whether it will be said where the run fell behind (`append_pace`).
         live: shows the run while it is recorded.
+        footer: as of `RrdFile`.
 
     Raises:
         InputError: the file cannot be created.
@@ -70,6 +71,7 @@ class RunRecorder(RrdFile):
         camera: bool = False,
         paced: bool = False,
         live: LiveView | None = None,
+        footer: bool = True,
     ) -> None:
         floor_m = floor_corners(reference)
         self._layout = partial(
@@ -81,7 +83,7 @@ class RunRecorder(RrdFile):
             paced=paced,
             looks_scale=robot.looks_scale,
         )
-        super().__init__(path, name, self._layout(), live)
+        super().__init__(path, name, self._layout(), live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
         self._signals: tuple[str, ...] = ()
@@ -117,7 +119,7 @@ class RunRecorder(RrdFile):
             self._show(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
-        self._stream.flush()
+        self.flush()
 
     def append_pace(self, time_s: FloatArray, behind: Sequence[bool]) -> None:
         """Record at which of the next samples a run that is held to the clock came too late.
@@ -146,7 +148,7 @@ class RunRecorder(RrdFile):
 
             self._camera = CameraView(self._stream, camera, layout, SHOW_EVERY)
         self._camera.append(records)
-        self._stream.flush()
+        self.flush()
 
     def finish(self, result_markdown: str, details_markdown: str = "") -> None:
         """Show how the run ended, and every plot over the range that its values took.

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import write_bytes
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.vision.calibration.board import board_print
@@ -81,16 +82,16 @@ def write_board(path: Path) -> None:
     """Write the board as a picture to print.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: no such format.
+        OSError: the file cannot be written.
     """
     try:
-        written = cv2.imwrite(str(path), board_print())
+        encoded, content = cv2.imencode(path.suffix, board_print())
     except cv2.error:  # no such format
-        written = False
-    if not written:
-        raise InputError.at(
-            "--board", f"{path} cannot be written", hint="give a .png in an existing folder"
-        )
+        encoded = False
+    if not encoded:
+        raise InputError.at("--board", got=str(path), allowed=f"a file that ends in {PICTURES[0]}")
+    write_bytes(path, content.tobytes())
 
 
 def _pictures(folder: Path) -> dict[Path, Image]:

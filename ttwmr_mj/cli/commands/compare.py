@@ -53,8 +53,8 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
             raise InputError.at("--live", problem, hint="leave one of them out")
         pace = self.make_pace()
         self.check_recording(scenario)
-        folder = self.open_folder(f"{scenario.name}-compared", scenario.seed)
-        with self.live_view() as live:
+        opened = self.new_folder(f"{scenario.name}-compared", scenario.seed)
+        with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
                 done = compare_scenario(
                     scenario,

@@ -37,8 +37,8 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
             warn(foretold(scenario))
         pace = self.make_pace()
         self.check_recording(scenario)
-        folder = self.open_folder(scenario.name, scenario.seed)
-        with self.live_view() as live:
+        opened = self.new_folder(scenario.name, scenario.seed)
+        with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
                 done = run_scenario(
                     scenario,

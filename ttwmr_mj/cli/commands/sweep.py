@@ -155,7 +155,10 @@ class Sweep(Quiet, name="sweep"):
         start, stop = part.rows(plan)
         try:
             with sweep_progress(plan.name, stop - start, self.quiet) as told:
-                return fill(plan, folder, self._compute(), part=part, chunk=self.chunk, told=told)
+                compute = self._compute()
+                return fill(
+                    plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn
+                )
         except KeyboardInterrupt:
             again = shlex.join(command_line())
             raise RunError(

@@ -45,7 +45,7 @@ def make_video(
     start_s: float = 0.0,
     stop_s: float | None = None,
     progress: Callable[[float], None] | None = None,
-) -> None:
+) -> str:
     """Write a video of a run.
 
     Args:
@@ -56,6 +56,9 @@ def make_video(
         start_s: simulated time of the first frame.
         stop_s: of the last one; None: the run's end.
         progress: called with the share that is done.
+
+    Returns:
+        What of the run could not be read and is not shown, in words; empty: nothing.
 
     Raises:
         InputError: no such run or format.
@@ -70,6 +73,7 @@ def make_video(
         write_video(out, _frames(film, len(footage.time_s), shrink, progress), size_px, FPS[suffix])
     finally:
         film.close()
+    return footage.lacks
 
 
 def _frames(

@@ -116,7 +116,7 @@ class ComparisonRecorder(RrdFile):
         self._real.append(contact, Curves.of(contact, self._robot))
         self._ghost.append(analytic, Curves.of(analytic, self._robot))
         self._plot(contact.time_s, _deviations(Deviation.between(contact, analytic)))
-        self._stream.flush()
+        self.flush()
 
     def finish(self, pair: Pair, result_markdown: str, details_markdown: str) -> None:
         """Record what can be told only of whole runs, and the reports."""

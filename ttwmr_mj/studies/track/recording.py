@@ -73,7 +73,7 @@ class TrackRecorder(RrdFile):
                 self._series.append(f"plots/{plot}", series, times_s, values[plot])
                 self._ranges[plot] = widened(self._ranges.get(plot), values[plot])
             self._times_s = widened(self._times_s, times_s)
-        self._stream.flush()
+        self.flush()
 
     def close(self) -> None:
         """Show every plot over the range that its values took, and complete the file."""

@@ -42,17 +42,13 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration.
 
     Raises:
-        InputError: the file cannot be written.
+        OSError: the file cannot be written.
     """
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage("", mode)
     for key, (_, content) in CONTENT.items():
         storage.write(key, content(calibration))
-    try:
-        write_text(path, storage.releaseAndGetString())
-    except OSError as error:
-        fault = Fault(problem=f"cannot be written: {error.strerror}")
-        raise InputError(fault, file=str(path)) from error
+    write_text(path, storage.releaseAndGetString())
 
 
 def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Calibration:
