@@ -19,6 +19,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream, read_rows, read_run
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.folder import write_resolved
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.metrics import MEASURED
 
@@ -145,6 +146,10 @@ def test_a_run_that_was_killed_says_so(run: Path) -> None:
 def test_what_is_no_run_is_not_scored(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["score", str(tmp_path)]) == 2
     assert "no run folder" in capsys.readouterr().err
+    scenario = tt.load_scenario("lab_circle")
+    write_resolved(tmp_path, scenario, tmp_path)
+    assert main(["score", str(tmp_path)]) == 2
+    assert "the run has no trajectory; it ended before any was written" in capsys.readouterr().err
 
 
 def test_kill_9_loses_no_row_that_was_reported(tmp_path: Path) -> None:

@@ -106,13 +106,13 @@ class _Watch:
         if told is None:
             say(
                 f"the law did not answer within {self.board[0]:g} s and could not be broken off, "
-                "so that its process was ended; what was recorded until then is kept (limits: "
+                "so that its process was ended; `ttwmr score` sums up what was recorded (limits: "
                 "control.controller_time_limit_s, control.controller_start_limit_s)"
             )
         else:
             say(
                 f"the process of the run ended {_how(ended)} before it was over: its law ended it, "
-                "or the machine did; what was recorded until then is kept"
+                "or the machine did; `ttwmr score` sums up what was recorded"
             )
         return FAILED
 

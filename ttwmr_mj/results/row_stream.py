@@ -88,6 +88,10 @@ def read_run(folder: Path) -> Trajectory:
         InputError: there are none, or they cannot be read.
     """
     whole, growing = folder / "trajectory.parquet", folder / ROWS_FILE
-    if whole.is_file() or not growing.is_file():
+    if whole.is_file():
         return Trajectory.read(whole)
+    if not growing.is_file():
+        raise InputError(
+            "the run has no trajectory; it ended before any was written", file=str(folder)
+        )
     return read_rows(growing)
