@@ -91,6 +91,12 @@ class Problem(Protocol):
     lasting: int
     residual_by_command: FloatArray
 
+    def target(self, reference: ReferencePath) -> Target:
+        """The reference's states, and the commands that follow it best without feedback."""
+
+    def centre(self, state: FloatArray) -> FloatArray:
+        """(..., 2) F of states."""
+
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:

@@ -85,7 +85,8 @@ class TrainGains(TrainTracking):
         miss[:, angles] = wrap(miss[:, angles])
         beside = np.concatenate([now.slip, now.unexplained], axis=1)
         beside[:, SLIP:] += self._friction(state, now.slip[:, 2]) - self._rubbing[k]
-        return self._command[k] + apply(self._gain[k], np.concatenate([miss, beside], axis=1))
+        wish = self._command[k] + apply(self._gain[k], np.concatenate([miss, beside], axis=1))
+        return np.asarray(wish)
 
     def _friction(self, state: FloatArray, turn_slip: FloatArray | float = 0.0) -> FloatArray:
         """(..., n) θ̈ of dry friction at states."""
