@@ -78,7 +78,7 @@ def make_environment() -> None:
 
 def install_package(extra: str) -> None:
     """This checkout, editable, with its requirements."""
-    say("installing ttwmr-mj and what it needs into .venv")
+    say("installing ttwmr-mj and what it needs into .venv, which takes 2 to 10 minutes")
     if not run(BIN / "python", "-m", "pip", "install", "-q", "-e", f".[{extra}]"):
         sys.exit("bootstrap: pip could not install the requirements; its message is above")
 
@@ -102,7 +102,7 @@ def main() -> int:
     """Do the job named on the command line; returns the exit code."""
     if sys.version_info < MIN_PYTHON:
         sys.exit(f"bootstrap: Python {sys.version.split()[0]} is too old; 3.11 or newer is needed")
-    jobs = {"run": (RUN, "reproduce"), "test": (TEST, "dev")}
+    jobs = {"run": (RUN, "reproduce,planning,video"), "test": (TEST, "dev")}
     if len(sys.argv) != 2 or sys.argv[1] not in jobs:
         print(__doc__)
         return 2

@@ -2,9 +2,11 @@
 
 Both trees run `ttwmr run lab_circle_camera`, with its recording and without its figure, in fresh
 processes that take turns, since a shared machine drifts. Processor time is told too: it says more
-where others use the machine. The trajectories must be the same bits. Run it as
+where others use the machine. So that both meet the same others, `--at-once` runs the two side by
+side; then only the processor times can be compared. Ratios are medians over rounds of this tree to
+the other. Run it as
 
-    python benchmarks/camera_speed.py --against ../other-checkout
+    python benchmarks/camera_speed.py --against ../other-checkout [--at-once]
 
 The last line is JSON.
 """
@@ -14,7 +16,6 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import statistics
 import subprocess
 import sys
@@ -24,20 +25,45 @@ from pathlib import Path
 HERE = Path(__file__).resolve().parents[1]
 
 
-def one_run(tree: Path, duration_s: float, folder: Path) -> tuple[float, float]:
-    """Real-time factor of a run by this tree, and its processor time [s]."""
+def started(tree: Path, duration_s: float, folder: Path) -> subprocess.Popen[bytes]:
+    """A run by this tree."""
     words = ["run", "lab_circle_camera", "--out", str(folder), "--quiet"]
     words += ["--set", f"duration_s={duration_s}", "--set", "output.figures=false"]
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    subprocess.run(
+    return subprocess.Popen(
         [sys.executable, "-m", "ttwmr_mj", *words],
         env={**os.environ, "PYTHONPATH": str(tree), "OPENBLAS_NUM_THREADS": "1"},
         cwd=tree,
-        check=True,
+        stdout=subprocess.DEVNULL,
     )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    used_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return json.loads((folder / "metrics.json").read_text())["real_time_factor"], used_s
+
+
+def ended(run: subprocess.Popen[bytes], folder: Path) -> tuple[float, float]:
+    """Real-time factor of a run, and its processor time [s], that of its children included."""
+    _, status, used = os.wait4(run.pid, 0)
+    run.returncode = os.waitstatus_to_exitcode(status)
+    if run.returncode:
+        raise SystemExit(f"{folder}: exit code {run.returncode}")
+    factor = json.loads((folder / "metrics.json").read_text())["real_time_factor"]
+    return factor, used.ru_utime + used.ru_stime
+
+
+def one_round(
+    trees: dict[str, Path], duration_s: float, *, at_once: bool
+) -> tuple[dict[str, tuple[float, float]], bool]:
+    """What `ended` says of a run by each tree, and whether their trajectories are the same."""
+    found, rows = {}, set()
+    with tempfile.TemporaryDirectory() as parent:
+        folders = {name: Path(parent) / name for name in trees}
+        runs = {}
+        for name, tree in trees.items():
+            runs[name] = started(tree, duration_s, folders[name])
+            if not at_once:
+                found[name] = ended(runs[name], folders[name])
+        for name in trees:
+            if at_once:
+                found[name] = ended(runs[name], folders[name])
+            rows.add((folders[name] / "trajectory.parquet").read_bytes())
+    return found, len(rows) == 1
 
 
 def main() -> None:
@@ -45,24 +71,24 @@ def main() -> None:
     parser.add_argument("--against", type=Path, help="the other checkout")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--duration", type=float, default=50.0, help="simulated time [s]")
+    parser.add_argument("--at-once", action="store_true", help="run both trees side by side")
     options = parser.parse_args()
     trees = {"here": HERE} | ({"there": options.against.resolve()} if options.against else {})
-    factors: dict[str, list[float]] = {name: [] for name in trees}
-    used_s: dict[str, list[float]] = {name: [] for name in trees}
-    rows: dict[str, bytes] = {}
+    rounds, same = [], True
     for number in range(options.rounds):
-        for name, tree in trees.items():
-            with tempfile.TemporaryDirectory() as folder:
-                factor, used = one_run(tree, options.duration, Path(folder) / "run")
-                rows[name] = (Path(folder) / "run" / "trajectory.parquet").read_bytes()
-            factors[name].append(factor)
-            used_s[name].append(used)
+        found, alike = one_round(trees, options.duration, at_once=options.at_once)
+        rounds.append(found)
+        same &= alike
+        for name, (factor, used) in found.items():
             print(f"round {number}: {name:5s} {factor:5.2f} x real time, {used:6.2f} s used")
-    same = len(set(rows.values())) == 1
-    print("same trajectories" if same else "trajectories differ")
-    medians = {name: statistics.median(values) for name, values in factors.items()}
-    spent = {name: statistics.median(values) for name, values in used_s.items()}
-    print(json.dumps({"real_time_factor": medians, "processor_s": spent, "same_bits": same}))
+    result: dict[str, object] = {"benchmark": "camera_speed", "same_bits": same}
+    result["load"] = os.getloadavg()[0]
+    for i, what in enumerate(("real_time_factor", "processor_s")):
+        result[what] = {name: statistics.median(r[name][i] for r in rounds) for name in trees}
+        if options.against:
+            ratio = statistics.median(r["here"][i] / r["there"][i] for r in rounds)
+            result[f"{what}_ratio"] = round(ratio, 3)
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -7,13 +7,14 @@ the figures; the server starts beside the run, as it does for a user. Run it as
 
     python benchmarks/recording_cost.py
 
-The last line is JSON.
+The last line is JSON, with the machine's load at the start.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import tempfile
 from contextlib import ExitStack
@@ -43,7 +44,7 @@ def one_run(scenario: Scenario, way: str) -> tuple[float, float]:
         return perf_counter() - started, process_time() - used
 
 
-def measure(sensing: str, rounds: int, duration_s: float | None) -> dict[str, float | str]:
+def measure(sensing: str, rounds: int, duration_s: float | None) -> dict[str, float]:
     """Ratios to the plain run."""
     overrides = ["output.figures=false"]
     overrides += [] if duration_s is None else [f"duration_s={duration_s}"]
@@ -55,8 +56,7 @@ def measure(sensing: str, rounds: int, duration_s: float | None) -> dict[str, fl
         for way in WAYS:
             taken[way].append(one_run(scenario, way))
         print(sensing, *(f"{way} {taken[way][-1][0]:.3f} s" for way in WAYS), flush=True)
-    found: dict[str, float | str] = {"benchmark": "recording_cost", "sensing": sensing}
-    found["plain_s"] = round(statistics.median(wall for wall, _ in taken["plain"]), 3)
+    found = {"plain_s": round(statistics.median(wall for wall, _ in taken["plain"]), 3)}
     for way, limit in zip(WAYS[1:], LIMITS[sensing], strict=True):
         pairs = list(zip(taken[way], taken["plain"], strict=True))
         found[f"{way}_ratio"] = round(statistics.median(a[0] / b[0] for a, b in pairs), 4)
@@ -71,8 +71,10 @@ def main() -> None:
     parser.add_argument("--sensing", choices=[*SCENARIOS], help="only this one")
     parser.add_argument("--duration", type=float, help="simulated time of every run [s]")
     given = parser.parse_args()
+    found: dict[str, object] = {"benchmark": "recording_cost", "load": os.getloadavg()[0]}
     for sensing in [given.sensing] if given.sensing else SCENARIOS:
-        print(json.dumps(measure(sensing, given.rounds, given.duration)))
+        found[sensing] = measure(sensing, given.rounds, given.duration)
+    print(json.dumps(found))
 
 
 if __name__ == "__main__":

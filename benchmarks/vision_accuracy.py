@@ -21,46 +21,28 @@ from time import perf_counter
 from typing import Any
 
 import cv2
-import mujoco
 import numpy as np
+from vision_markers import DICTIONARY, aruco_pose, marker_model
+from vision_poses import REACH_M, ROBOT, Drawn, moving, random_layout, train_of
 
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model, build_spec
-from ttwmr_mj.robot import Hitch, RobotParameters, Trailer
 from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.calibration.calibrate import calibrate_virtual
-from ttwmr_mj.vision.camera.frame import Image
-from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
+from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Distractor
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.detection import Detector
 from ttwmr_mj.vision.tracking.options import TrackerOptions
-from ttwmr_mj.vision.tracking.pose import solve_pose
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 SEED = 20240
 POSES = 2000
-POSES_PER_LAYOUT = 10
-DISTRACTORS = 3
-REACH_M = 0.43  # of P, the article's circle
-ROBOT_REACH_M = 0.26  # from P, with a disc's radius: distractors lie beyond
-LARGEST_HITCH_RAD = 2.0
 SPEED_M_S = 0.3
 WRONG_PX = 1.5  # a centre farther off is not the label
 TIMED_FRAMES = 300
 PERIOD_S = 0.033
-ROBOT = RobotParameters()
-REAR_HITCH_M = 0.23  # of a towing trailer, behind its bed
-BORDER_PX = 12.0  # a label and its blur are so far inside of the picture
-DICTIONARY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
-MODULES = 8  # of a printed marker: 4 of code, 2 of frame, 2 of white border
-MODULE_PX = 24
-# the largest printed squares that fit on the halves: side, and x from P
-LARGE_SIDE_M = 0.064
-LARGE_X_M = (0.0375, -0.146)
-LARGE_HEIGHT_M = 0.0436  # above the axle, like the labels
 
 
 @dataclass
@@ -99,83 +81,6 @@ class Score:
         }
 
 
-def train_of(trailers: int) -> RobotParameters:
-    """Table I's trailer repeated."""
-    towing = Trailer(next_hitch_offset_m=REAR_HITCH_M)
-    return RobotParameters(
-        trailers=(*[towing] * (trailers - 1), Trailer()), hitches=(Hitch(),) * trailers
-    )
-
-
-class Drawn:
-    """Random poses of a train (n, 3 + trailers) that a camera sees whole, no body in another."""
-
-    def __init__(self, camera: VirtualCamera) -> None:
-        self._camera, self._data = camera, mujoco.MjData(camera.model)
-        self._size_px = np.array([camera.true.width_px, camera.true.height_px])
-        hulls = [
-            i for i in range(camera.model.ngeom) if camera.model.geom(i).name.endswith("_hull")
-        ]
-        self._hulls = set(hulls)
-
-    def layout(self, rng: np.random.Generator) -> tuple[tuple[Distractor, ...], FloatArray]:
-        """Distractors anywhere in view, and poses clear of them."""
-        trailers = self._camera.layout.trailers
-        if trailers == 1:
-            return random_layout(rng)
-        discs = rng.uniform([-0.85, -0.62], [0.85, 0.62], (DISTRACTORS, 2))
-        poses: list[FloatArray] = []
-        while len(poses) < POSES_PER_LAYOUT:
-            hitches = rng.uniform(-1.0, 1.0, trailers) * LARGEST_HITCH_RAD
-            place = rng.uniform([-0.8, -0.6], [0.8, 0.6])
-            q = np.array([*place, *np.cumsum([rng.uniform(-np.pi, np.pi), *hitches])])
-            labels_m = self._camera.layout.centres_m(q)
-            away = np.linalg.norm(discs[:, None] - labels_m[:, :2], axis=2).min()
-            # a disc's radius and a label's, and their blur
-            if away > 0.06 and self._apart(q) and self._in_view(labels_m):
-                poses.append(q)
-        return distractors(discs, rng), np.array(poses)
-
-    def _apart(self, q: FloatArray) -> bool:
-        self._data.qpos[:] = self._camera.posture.positions(q)
-        mujoco.mj_forward(self._camera.model, self._data)
-        pairs = self._data.contact.geom[: self._data.ncon].tolist()
-        return not any(self._hulls.issuperset(pair) for pair in pairs)
-
-    def _in_view(self, labels_m: FloatArray) -> bool:
-        pixel = self._camera.true.project(labels_m)
-        return bool(np.minimum(pixel, self._size_px - 1.0 - pixel).min() > BORDER_PX)
-
-
-def distractors(discs: FloatArray, rng: np.random.Generator) -> tuple[Distractor, ...]:
-    """Discs (n, 2) in random colours of labels."""
-    colours = rng.integers(len(NAMES), size=DISTRACTORS)
-    return tuple(
-        Distractor(colour_of=NAMES[colour], position_m=(float(x), float(y)))
-        for colour, (x, y) in zip(colours, discs, strict=True)
-    )
-
-
-def random_layout(rng: np.random.Generator) -> tuple[tuple[Distractor, ...], FloatArray]:
-    """Distractors anywhere in view, and poses (n, 4) of one trailer clear of them."""
-    discs = rng.uniform([-0.85, -0.62], [0.85, 0.62], (DISTRACTORS, 2))
-    poses: list[FloatArray] = []
-    while len(poses) < POSES_PER_LAYOUT:
-        radius, around = REACH_M * np.sqrt(rng.random()), rng.uniform(-np.pi, np.pi)
-        place = radius * np.array([np.cos(around), np.sin(around)])
-        theta1, hitch = rng.uniform(-np.pi, np.pi), rng.uniform(-1.0, 1.0) * LARGEST_HITCH_RAD
-        if np.linalg.norm(discs - place, axis=1).min() > ROBOT_REACH_M:
-            poses.append(np.array([*place, theta1, theta1 + hitch]))
-    return distractors(discs, rng), np.array(poses)
-
-
-def moving(q: FloatArray, speed_m_s: float) -> FloatArray:
-    """Rates of a robot that drives straight on."""
-    rates = np.zeros_like(q)
-    rates[:2] = speed_m_s * np.cos(q[2]), speed_m_s * np.sin(q[2])
-    return rates
-
-
 def score_discs(
     camera: VirtualCamera, known: CameraModel, speed_m_s: float, poses: int, rng: Any
 ) -> Score:
@@ -203,77 +108,6 @@ def score_discs(
             wrong = bool((np.linalg.norm(off, axis=1)[index >= 0] > WRONG_PX).any())
             score.add(pose.q if (index >= 0).all() else None, frame.truth.q, wrong=wrong)
     return score
-
-
-def marker_model(large: bool) -> mujoco.MjModel:
-    """The laboratory with printed markers on the robot: one per label, or one per half."""
-    spec = build_spec(ROBOT, ContactOptions())
-    squares = []
-    for i, name in enumerate(NAMES):
-        geom = spec.geom(f"label_{name}")
-        geom.group = 5
-        if not large:
-            squares.append((i, "tractor" if i < 2 else "trailer", geom.pos[0], 2 * geom.size[0]))
-    if large:
-        squares = [(0, "tractor", LARGE_X_M[0], LARGE_SIDE_M)]
-        squares += [(1, "trailer", LARGE_X_M[1], LARGE_SIDE_M)]
-    for number, body, x, side in squares:
-        code = cv2.aruco.generateImageMarker(DICTIONARY, number, (MODULES - 2) * MODULE_PX)
-        printed = cv2.copyMakeBorder(
-            code, MODULE_PX, MODULE_PX, MODULE_PX, MODULE_PX, cv2.BORDER_CONSTANT, value=255
-        )
-        pixels = np.maximum(printed, 8)
-        texture = spec.add_texture(
-            name=f"marker{number}",
-            type=mujoco.mjtTexture.mjTEXTURE_2D,
-            width=pixels.shape[1],
-            height=pixels.shape[0],
-            nchannel=3,
-        )
-        texture.data = np.repeat(pixels[..., None], 3, axis=2).tobytes()
-        material = spec.add_material(name=f"marker{number}", rgba=[0.7, 0.7, 0.7, 1], specular=0)
-        material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = f"marker{number}"
-        spec.body(body).add_geom(
-            type=mujoco.mjtGeom.mjGEOM_BOX,
-            size=[0.5 * side, 0.5 * side, 0.0002],
-            pos=[x, 0.0, LARGE_HEIGHT_M - 0.0002],
-            material=f"marker{number}",
-            group=2,
-            contype=0,
-            conaffinity=0,
-            mass=0,
-        )
-    return spec.compile()
-
-
-def aruco_pose(
-    image: Image, known: CameraModel, layout: LabelLayout, detector: Any, large: bool
-) -> FloatArray | None:
-    """The pose q from cv2.aruco's corners, refined by OpenCV."""
-    corners, ids, _ = detector.detectMarkers(image)
-    seen = {} if ids is None else dict(zip(ids.ravel().tolist(), corners, strict=True))
-    height = float(layout.height_m.mean())
-    points = {
-        number: known.to_plane(np.asarray(corner, dtype=np.float64).reshape(4, 2), height)
-        for number, corner in seen.items()
-    }
-    if not large:
-        centres = np.full((len(NAMES), 2), np.nan)
-        for number, square in points.items():
-            if number < len(NAMES):
-                centres[number] = square.mean(axis=0)
-        pose = solve_pose(centres, layout)
-        return pose.q if pose and np.isfinite(centres).all() else None
-    if not {0, 1} <= points.keys():
-        return None
-    angles, origins = [], []
-    for number, x in enumerate(LARGE_X_M):
-        square = points[number]
-        along = square[1] + square[2] - square[0] - square[3]
-        angle = np.arctan2(along[1], along[0])
-        angles.append(angle)
-        origins.append(square.mean(axis=0) - x * np.array([np.cos(angle), np.sin(angle)]))
-    return np.array([*np.mean(origins, axis=0), *angles])
 
 
 def score_markers(
@@ -351,7 +185,7 @@ def main() -> None:
     cv2.setNumThreads(1)  # as in the loop
     result: dict[str, Any] = {"benchmark": "vision_accuracy", "poses": poses, "seed": SEED}
     result["trailers"] = args.trailers
-    model = build_model(ROBOT if lone else train_of(args.trailers), ContactOptions())
+    model = build_drawn_model(ROBOT if lone else train_of(args.trailers), ContactOptions())
     for kind, options, speed in (("clean", CameraOptions(), 0.0), ("lab", LAB_CAMERA, SPEED_M_S)):
         camera = VirtualCamera(options, model, np.random.default_rng(SEED))
         if kind == "lab":
@@ -381,7 +215,8 @@ def report(kind: str, measured: dict[str, Any]) -> None:
         row = measured[name]
         columns = [("position_rms_mm", 3), *((key, 4) for key in angles)]
         errors = [
-            "       –" if row[key] is None else f"{row[key]:8.{digits}f}" for key, digits in columns
+            "       –" if row.get(key) is None else f"{row[key]:8.{digits}f}"
+            for key, digits in columns
         ]
         print(
             f"{'':6s} {name:12s} {' '.join(errors)} {100 * row['detection_rate']:7.2f}% "

@@ -15,13 +15,13 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.runs.execute import run_scenario
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders, shareable
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.execute import row_folder, run_suite, stored_row
 from ttwmr_mj.studies.bench.scoring import collect
 from ttwmr_mj.studies.bench.suite import load_suite, rows_of
-from ttwmr_mj.studies.pool.lock import locked
 
 LEAN = ["duration_s=0.5", "output.figures=false", "output.recording=false"]
 NOISY = [*LEAN, "sensing.position_noise_m=0.001"]
@@ -132,12 +132,14 @@ def bench(folder: Path, **env: str) -> subprocess.CompletedProcess[str]:
 def test_where_mujoco_cannot_start_nothing_is_run_and_nothing_said_of_the_laws(
     folder: Path,
 ) -> None:
-    done = bench(folder, MUJOCO_GL="garbage")
+    (folder / "broken").mkdir()
+    (folder / "broken" / "mujoco.py").write_text("raise RuntimeError('this library is damaged')")
+    paths = [str(folder / "broken"), *filter(None, [os.environ.get("PYTHONPATH")])]
+    done = bench(folder, PYTHONPATH=os.pathsep.join(paths))
     assert done.returncode == 1
     assert done.stderr.splitlines() == [
         "ttwmr: 7 rows were not run, which is no fault of a law; the same command tries again:",
-        "  lyapunov-circle-analytic-truth-none-0 and 6 more: RuntimeError: invalid value for "
-        "environment variable MUJOCO_GL: garbage",
+        "  lyapunov-circle-analytic-truth-none-0 and 6 more: RuntimeError: this library is damaged",
     ]
     assert not list(folder.glob("out/runs/*/row.json"))
     assert not (folder / "out" / "leaderboard.md").exists()

@@ -1,13 +1,9 @@
-"""Every option of every subcommand: its help, how it is read, and what it does."""
+"""Every option of every subcommand: its help, and how it is read."""
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 from dataclasses import fields
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -23,6 +19,7 @@ from ttwmr_mj.cli.commands.new import New
 from ttwmr_mj.cli.commands.plan import PlanCommand
 from ttwmr_mj.cli.commands.reproduce import Reproduce
 from ttwmr_mj.cli.commands.run import RunCommand
+from ttwmr_mj.cli.commands.score import Score
 from ttwmr_mj.cli.commands.sweep import Sweep
 from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
@@ -30,7 +27,6 @@ from ttwmr_mj.cli.commands.video import VideoCommand
 from ttwmr_mj.cli.commands.view import View
 from ttwmr_mj.cli.engine import load_subcommands
 from ttwmr_mj.cli.main import main, parse
-from ttwmr_mj.errors import InputError, MachineError
 
 NAMES = (
     "bench",
@@ -44,6 +40,7 @@ NAMES = (
     "plan",
     "reproduce",
     "run",
+    "score",
     "sweep",
     "track",
     "validate",
@@ -141,6 +138,7 @@ EVERYTHING = {
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
     ),
+    "score r --quiet --debug": Score(run=Path("r"), quiet=True, debug=True),
     "new mine --controller --out o --force --debug": New(
         wanted="mine", controller=True, out=Path("o"), force=True, debug=True
     ),
@@ -288,97 +286,3 @@ def test_the_overview_names_every_command_and_the_version_is_that_of_the_package
     from importlib.metadata import version
 
     assert capsys.readouterr().out == f"ttwmr-mj {version('ttwmr-mj')}\n"
-
-
-def test_compare_passes_on_what_was_asked(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    from ttwmr_mj.studies import compare
-
-    asked: list[Any] = []
-
-    def compare_scenario(scenario: Any, folder: Path, options: Any, **_: Any) -> Any:
-        asked.append((scenario.name, scenario.seed, folder, options))
-        return SimpleNamespace(report={}, breaches=("one: got 2", "two: got 3"))
-
-    monkeypatch.setattr(compare, "compare_scenario", compare_scenario)
-    monkeypatch.setattr(compare, "plain", lambda _: "in words")
-    monkeypatch.chdir(tmp_path)
-    words = "compare open_loop_turn --real-wheels --converge --fit --validate-on a --seed 5 "
-    words += "--tolerance t.toml --out o --set output.recording=false"
-    assert main(words.split()) == 1
-    (((name, seed, folder, options)),) = asked
-    assert (name, seed, folder) == ("open_loop_turn", 5, Path("o"))
-    assert options == compare.Options(
-        mode="open_loop",
-        real_wheels=True,
-        attribute=True,
-        converge=True,
-        fit=True,
-        validate_on="a",
-        tolerance=Path("t.toml"),
-        recording=False,
-        figures=True,
-    )
-    printed = capsys.readouterr()
-    assert printed.out.startswith("in words\n\nfolder: o\n")
-    assert "open_loop_turn exceeds t.toml; see o\n  one: got 2\n  two: got 3\n" in printed.err
-    assert main(["compare", "open_loop_turn", "--no-attribution", "--mode", "closed_loop"]) == 1
-    (_, _, folder, options) = asked[1]
-    assert folder.parent == Path("results/open_loop_turn-compared")
-    assert (options.mode, options.attribute, options.fit) == ("closed_loop", False, False)
-
-
-def test_a_fragment_and_the_frames_of_a_run(tmp_path: Path) -> None:
-    fragment = tmp_path / "fragment.toml"
-    fragment.write_text("duration_s = 0.2\n[output]\nrecording = false\nfigures = false\n")
-    words = ["run", "lab_circle_camera", "--fragment", str(fragment), "--save-frames"]
-    assert main([*words, "--out", str(tmp_path / "out"), "--quiet"]) == 0
-    assert {path.name for path in (tmp_path / "out").iterdir()} >= {"frames", "metrics.json"}
-    assert not (tmp_path / "out" / "run.rrd").exists()
-    assert not (tmp_path / "out" / "figures").exists()
-
-
-def test_validate_says_what_is_wrong_with_each(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "a.toml").write_text("speed = 1\n")
-    wrong = [str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
-    assert main(["validate", wrong[0], "lab_circle", wrong[1]]) == 2
-    printed = capsys.readouterr()
-    assert printed.out == ""
-    assert f"ttwmr: {wrong[0]}: " in printed.err
-    assert f"ttwmr: {wrong[1]}: no such scenario" in printed.err
-    with pytest.raises(InputError):
-        main(["validate", wrong[1], "--debug"])
-
-
-def test_who_stops_reading_hears_no_complaint() -> None:
-    pipe = f"{sys.executable} -m ttwmr_mj export-schema | head -n 1"
-    done = subprocess.run(["bash", "-c", pipe], capture_output=True, text=True, check=True)
-    assert (done.stdout, done.stderr) == ("{\n", "")
-
-
-def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    package = tmp_path / "bin"
-    found = SimpleNamespace(origin=str(package / "__init__.py"))
-    monkeypatch.setattr("importlib.util.find_spec", lambda _: found)
-    monkeypatch.setattr("ttwmr_mj.recording.viewer.display", lambda: ":0")
-    monkeypatch.chdir(tmp_path)
-    for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
-        Path(name).parent.mkdir(parents=True, exist_ok=True)
-        Path(name).write_bytes(b"")
-        os.utime(name, (100 + k % 2, 100 + k % 2))  # c.rrd is the newest
-    with pytest.raises(MachineError, match="pip install rerun-sdk"):
-        main(["view", "--debug"])
-    package.mkdir()
-    (package / "rerun").write_text("#!/bin/sh\nfor last; do :; done\necho $last > seen\nexit 3\n")
-    (package / "rerun").chmod(0o755)
-    for words, opened in (
-        (["view"], "results/new/c.rrd"),
-        (["view", "results/new"], "results/new/a.rrd"),
-        (["view", "results/old/b.rrd"], "results/old/b.rrd"),
-    ):
-        assert main(words) == 3
-        assert Path("seen").read_text() == f"{opened}\n"
-    assert main(["view", "bin"]) == 2

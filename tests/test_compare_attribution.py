@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_compare import open_loop, run_commands
+from comparisons import open_loop, run_commands
 
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import attribution

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from test_compare import TURN, open_loop
+from comparisons import TURN, open_loop
 
 from ttwmr_mj.studies.compare.fit.fit import fit, freedom, standard_deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALES

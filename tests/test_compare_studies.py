@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from test_compare import TURN, open_loop, run_commands
+from comparisons import TURN, open_loop, run_commands
 
 from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant

@@ -7,8 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from comparisons import TURN, open_loop
 from scipy.integrate import solve_ivp
-from test_compare import TURN, open_loop
 
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray

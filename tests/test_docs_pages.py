@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shlex
+import shutil
 import tomllib
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from ttwmr_mj.scenario.file import load_scenario
 ROOT = Path(__file__).resolve().parent.parent
 DOCS = ROOT / "docs"
 PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+PLAN = ROOT / "ttwmr_mj" / "references" / "data" / "waypoints_lab.csv"
 SWEEPS = DOCS / "howto" / "sweeps.md"  # has a test of its own
 REST = {
     "name": 'name = "rest"',
@@ -38,6 +40,7 @@ def lines(page: Path) -> list[str]:
 
 @every_page
 def test_its_scenarios_are_valid(page: Path, tmp_path: Path) -> None:
+    shutil.copy(PLAN, tmp_path / "my_path.csv")  # as the pages before have made one
     for block in blocks("toml", page) if page != SWEEPS else ():
         given = tomllib.loads(block)
         missing = "\n".join(line for key, line in REST.items() if key not in given)

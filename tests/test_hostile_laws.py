@@ -9,7 +9,7 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.scenario.file import check_scenario, set_value
 
 LAW = """
 import numpy as np
@@ -44,13 +44,16 @@ controller = {kind = "custom", target = "TARGET:Law"}
 """
 
 
-def made(folder: Path, place: str, code: str) -> Experiment:
-    """A scenario whose law has this code at that place."""
+def made(folder: Path, place: str, code: str, *changes: str) -> Experiment:
+    """A scenario with changes whose law has this code at that place."""
     parts = dict.fromkeys(("at_import", "at_making", "at_start"), "pass")
     parts["at_command"] = "return Command(one, no, no)"
     target = f"hostile_{abs(hash((place, code)))}"
     (folder / f"{target}.py").write_text(LAW.format(**parts | {place: code}))
-    scenario = check_scenario(tomllib.loads(SCENARIO.replace("TARGET", target)), "mine")
+    data = tomllib.loads(SCENARIO.replace("TARGET", target))
+    for change in changes:
+        set_value(data, change)
+    scenario = check_scenario(data, "mine")
     return Experiment(scenario, folder)
 
 

@@ -252,6 +252,18 @@ def test_the_chart_draws_each_error_with_its_interval(
     assert [x for line in found for x in line] == pytest.approx([2.0, 9.0, 3.0, 5.5])
 
 
+def test_errors_too_small_for_the_table_lie_at_the_edge_of_the_chart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    curves = drawn(monkeypatch)
+    small = [1e-9 * i for i in range(1, 11)]
+    lines = [line("a", small, ["followed"] * 10), line("b", [3.0])]
+    written = write_charts(lines, tmp_path)
+    found = sorted(x for x, _ in curves["circle"].values() if len(x) and x != [0, 1])
+    assert [x for part in found for x in part] == [1e-3, 1e-3, 1e-3, 3.0]
+    assert "error, mm; leftmost: 0.001 or less; hollow" in written["circle"].read_text()
+
+
 @pytest.mark.parametrize(
     ("numbers", "scored", "expected"),
     [

@@ -192,7 +192,7 @@ def test_without_a_display_view_says_what_to_do(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(viewer, "display", lambda: None)
-    (tmp_path / "run.rrd").touch()
+    (tmp_path / "run.rrd").write_bytes(b"RRF2")
     assert main(["view", str(tmp_path)]) == 2
     said = capsys.readouterr().err
     assert f"no display to show {tmp_path / 'run.rrd'} on" in said

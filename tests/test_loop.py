@@ -266,7 +266,11 @@ def test_a_start_on_the_reference_is_its_first_sample_and_the_offsets() -> None:
     assert reference is not None
     start = initial_state(circle, reference, nsim=2)
     np.testing.assert_array_equal(start.q, [reference.q[0, 0] + [0.1, -0.2, 0.3, 0.0]] * 2)
-    np.testing.assert_array_equal(start.q_rate, [reference.q_rate[0, 0]] * 2)
+    # it moves along its own heading, as fast as the reference, and wheels do not slide sideways
+    speed_m_s, theta1 = np.hypot(*reference.q_rate[0, 0, :2]), reference.q[0, 0, 2] + 0.3
+    along = [speed_m_s * np.cos(theta1), speed_m_s * np.sin(theta1)]
+    np.testing.assert_allclose(start.q_rate[:, :2], [along] * 2, rtol=1e-12)
+    np.testing.assert_array_equal(start.q_rate[:, 2:], [reference.q_rate[0, 0, 2:]] * 2)
     aimless = tt.load_scenario("lab_circle", [*overrides, "reference.theta2=none"])
     start = initial_state(aimless, sample_reference(aimless))
     assert start.q[0, 3] == pytest.approx(start.q[0, 2] - 0.3)  # aligned, without θ1's offset

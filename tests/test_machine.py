@@ -24,6 +24,7 @@ def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     assert [line for line in text.splitlines()[1:] if line and not line.startswith(" ")] == [
         f"processors: {os.cpu_count()}",
         "Libraries",
+        "Extras, each for what it is named after",
         "OpenGL, to render camera frames (not needed with truth sensing)",
         "Display, for windows (not needed to record)",
         "Vulkan, for the Rerun viewer (not needed to record)",
@@ -38,13 +39,15 @@ def test_what_is_missing_is_named_with_how_to_install_it(
     monkeypatch.setattr(
         machine, "probe", lambda _: SimpleNamespace(renderer=None, fault="no display")
     )
-    absent = {"numpy", "tqdm"}
+    absent = {"numpy", "tqdm", "casadi"}
     monkeypatch.setattr(machine, "library_version", lambda name: None if name in absent else "1.0")
     assert main(["doctor"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert "  numpy                    MISSING" in lines
     assert "  mujoco                   1.0" in lines
     assert "  install them: pip install numpy tqdm" in lines
+    assert "  planning    casadi         missing: pip install 'ttwmr-mj[planning]'" in lines
+    assert "  video       imageio-ffmpeg 1.0" in lines
     assert "  egl      does not work: no display" in lines
     assert any(line.startswith("  install it: apt-get install lib") for line in lines)
     assert "  no loader, drivers: none" in lines

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from test_compare import open_loop
+from comparisons import open_loop
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.cli.main import main

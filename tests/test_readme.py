@@ -92,8 +92,9 @@ def test_quick_tests_are_for_everyone_and_slow_ones_for_ci() -> None:
     """Between them they run every test once."""
     ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
     bootstrap = runpy.run_path(str(ROOT / "bootstrap.py"))
-    assert bootstrap["TEST"][-1][1:] == ["-n", "2", "-m", "not slow"]
+    shared = ["-n", "2", "--dist", "loadfile"]  # a file's tests in one process, with its fixtures
+    assert bootstrap["TEST"][-1][1:] == [*shared, "-m", "not slow"]
     assert "python3 bootstrap.py test\n" in ci
-    slow = ".venv/bin/pytest -n 2 -m slow"
+    slow = f".venv/bin/pytest {' '.join(shared)} -m slow"
     assert slow in ci
     assert slow in README

@@ -42,9 +42,10 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> Recording:
         SimpleNamespace(time_s=1.0, frame=None, sighting=None, estimate=estimate(POSE)),
     ]
     # a camera that sees x, y, and marks its height by 1000 px per metre in x
-    camera = SimpleNamespace(project=lambda p: p[:, :2] + 1000 * p[:, 2:] * [1.0, 0.0])
+    camera = SimpleNamespace(project=lambda p: p[..., :2] + 1000 * p[..., 2:] * [1.0, 0.0])
     layout = SimpleNamespace(
-        centres_m=lambda q: LABELS + [*q[:2], 0.0],
+        trailers=1,
+        centres_m=lambda q: LABELS + np.insert(q[..., None, :2], 2, 0.0, axis=-1),
         hitches_m=lambda q: q[None, :2],
         height_m=np.array([0.1, 0.1, 0.12, 0.12]),
         names=("tractor_front", "tractor_rear", "trailer_front", "trailer_rear"),
@@ -141,3 +142,5 @@ def test_the_eye_behind_follows_p() -> None:
     assert eye.look_target.as_arrow_array().to_pylist() == [[0.0, 0.0, 0.0]]
     assert eye.eye_up.as_arrow_array().to_pylist() == [[0.0, 0.0, 1.0]]
     assert eye.tracking_entity.as_arrow_array().to_pylist() == ["/world/tractor/P"]
+    farther = following_eye(2.0).position.as_arrow_array().to_pylist()
+    assert farther == [pytest.approx([-0.64, -0.7, 0.68])]

@@ -187,7 +187,7 @@ def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> 
     from ttwmr_mj.studies.track.recording import TrackRecorder
 
     path = tmp_path / "track.rrd"
-    camera = SimpleNamespace(project=lambda points: points[:, :2])
+    camera = SimpleNamespace(project=lambda points: points[..., :2])
     labels = read_layout(robot_model())
     q = np.array([0.1, -0.2, 0.3, -0.4])
     estimates = [

@@ -41,7 +41,7 @@ def tasks():
         yield run_task(name, load_scenario(base, overrides), Path("out") / name, [], Path())
     module = "ttwmr_mj.studies.reproduce.ideal.phase_plane"
     made_of = made_of_study(module, ("numpy",))
-    yield Work(made_of, Path("out/study.json"), job=Job("study", print))
+    yield Work(made_of, Path("out/study.json"), (), job=Job("study", print))
 
 for task in tasks():
     assert task.changes() is None and not task.is_done
@@ -151,7 +151,7 @@ def test_a_changed_scenario_library_or_missing_file_is_told_apart(tmp_path: Path
     task = run_task("a", scenario, tmp_path, [])
     task.mark_done()
     stored = json.loads(task.mark.read_text())
-    assert set(stored) == {"scenario", "data", "code", "libraries"}
+    assert set(stored) == {"scenario", "data", "code", "libraries", "files"}
     assert {"python", "mujoco", "numpy", "scipy", "opencv-python-headless"} == set(
         stored["libraries"]
     )

@@ -13,7 +13,7 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.runs import folder as folders
-from ttwmr_mj.runs.folder import git_commit, open_folder, results_folder
+from ttwmr_mj.runs.folder import git_commit, results_folder
 from ttwmr_mj.runs.report import (
     HEADLINES,
     RESULT_ROWS,
@@ -112,15 +112,6 @@ def test_a_commit_is_named_whole_and_dirty_if_changed(
     assert git_commit() == f"{commit}-dirty"
 
 
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "file").touch()
-    with pytest.raises(tt.InputError, match=r"^--out: got .*inside; cannot make the folder: "):
-        open_folder(tmp_path / "file" / "inside", force=False)
-    open_folder(tmp_path / "deep" / "down", force=False)
-    open_folder(tmp_path / "deep" / "down", force=False)  # empty
-    assert (tmp_path / "deep" / "down").is_dir()
-
-
 def test_default_folders_sort_by_time() -> None:
     path = results_folder("lab_circle", 7)
     assert re.fullmatch(r"results/lab_circle/\d{8}T\d{6}\.\d{3}Z-7", path.as_posix())
@@ -142,7 +133,7 @@ def test_numbers_are_read_in_handy_units() -> None:
     scenario = tt.load_scenario("lab_circle")
     assert result_text(scenario, metrics).split("\n\n") == [
         "# Tractor follows, trailer lost",
-        "## 12.3 mm: trailer, rms error, 2nd half",
+        "## 12.3 mm: trailer's F, rms error, 2nd half",
         "θ2 2 rad off",
         scenario.description,
         "contact · lyapunov · sees the truth · seed 0",
@@ -156,7 +147,7 @@ def test_numbers_are_read_in_handy_units() -> None:
     assert figure_title(scenario, metrics) == [
         "lab_circle: tractor follows, trailer lost",
         "contact · lyapunov · sees the truth · seed 0",
-        "12.3 mm: trailer, rms error, 2nd half",
+        "12.3 mm: trailer's F, rms error, 2nd half",
     ]
     broken = metrics | {"verdict": "failed", "verdict_reason": "it broke"}
     assert result_text(scenario, broken).startswith("# Failed\n\n## 12.3 mm")
@@ -167,8 +158,8 @@ def test_the_headline_is_the_metric_of_the_task() -> None:
     assert headline({centre: 2e-3, tractor: 1e-3}) == f"{centre} = 0.002"
     assert headline({centre: None, tractor: 1e-3}) == f"{tractor} = 0.001"
     assert headline({centre: None, tractor: None}) == ""
-    assert headline_words({centre: 2e-3, tractor: 1e-3}) == "2 mm: trailer, rms error, 2nd half"
-    assert headline_words({centre: None, tractor: 1e-3}) == "1 mm: tractor, rms error, 2nd half"
+    assert headline_words({centre: 2e-3, tractor: 1e-3}) == "2 mm: trailer's F, rms error, 2nd half"
+    assert headline_words({centre: None, tractor: 1e-3}) == "1 mm: P, rms error, 2nd half"
     assert headline_words({centre: None, tractor: None}) == ""
 
 

@@ -247,6 +247,23 @@ def test_unknown_scenario_names_suggest_the_near_one() -> None:
         load_scenario("lab_cirle")
 
 
+def test_a_file_beside_the_one_that_is_not_there_is_suggested(tmp_path: Path) -> None:
+    (tmp_path / "mine.toml").write_text("")
+    with pytest.raises(InputError, match=r"did you mean '.*/mine\.toml'"):
+        load_scenario(str(tmp_path / "mime.toml"))
+
+
+def test_a_key_of_another_kind_says_how_the_kind_is_changed() -> None:
+    own = ["controller.kind=tvlqr", "controller.alpha1=3.0"]
+    with pytest.raises(
+        InputError, match=r"""alpha1: unknown key.* '?controller=\{kind="tvlqr"\}"""
+    ):
+        load_scenario("lab_circle", own)
+    with pytest.raises(InputError) as told:  # which no kind has
+        load_scenario("lab_circle", ["controller.alpha9=3.0"])
+    assert "another kind" not in str(told.value)
+
+
 def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     assert "cannot be read as TOML" in fault_of(tmp_path, "name = ")
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")

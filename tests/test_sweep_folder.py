@@ -14,7 +14,7 @@ import pytest
 
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.errors import InputError, RunError
-from ttwmr_mj.studies.pool.lock import locked
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.studies.sweep.compute import Broke, Computed, Outcome, Unexpected, computed
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.execute import chunk_size, fill
@@ -143,15 +143,18 @@ def test_a_folder_is_filled_by_one_process_at_a_time(plan: Plan, tmp_path: Path)
     assert fill(plan, tmp_path / "out", told)
 
 
-def test_a_damaged_shard_is_named(plan: Plan, tmp_path: Path) -> None:
+def test_a_damaged_shard_is_named_and_made_again(plan: Plan, tmp_path: Path) -> None:
     filled(plan, tmp_path / "out", chunk=6)
+    whole = (tmp_path / "out" / "results.parquet").read_bytes()
     shard = shards_in(tmp_path / "out", plan)[0]
     shard.path.write_bytes(shard.path.read_bytes()[:-100])
     (tmp_path / "out" / "results.parquet").unlink()
     with pytest.raises(InputError, match=r"the file is damaged.*delete it"):
-        fill(plan, tmp_path / "out", told)
-    shard.path.unlink()
-    assert fill(plan, tmp_path / "out", told)
+        shard.read()
+    said: list[str] = []
+    assert fill(plan, tmp_path / "out", told, warn=said.extend)
+    assert said == [f"{shard.path}: damaged; it is made again"]
+    assert (tmp_path / "out" / "results.parquet").read_bytes() == whole
 
 
 @pytest.mark.parametrize("chunk", [1, 5, 12])

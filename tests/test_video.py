@@ -13,7 +13,7 @@ import pytest
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N
+from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.video import encode
 from ttwmr_mj.recording.video.film import SIZE_PX, STRIP_SHARE, Film
 from ttwmr_mj.recording.video.footage import Footage
@@ -99,8 +99,21 @@ def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
     # the hand-over from one row to the next is a cut: forces of the row before the frame
     robot = RobotParameters()
     weight_n = 9.81 * (robot.tractor.mass_kg + robot.trailer.mass_kg)
-    lifted_n = footage.arrows_m[-1, :, 1, 2].sum() / FORCE_SCALE_M_N
+    lifted_n = footage.arrows_m[-1, :, 1, 2].sum() / force_scale_m_n(robot)
     assert lifted_n == pytest.approx(weight_n, rel=0.05)
+
+
+def test_every_trailer_of_a_train_is_shown(tmp_path: Path) -> None:
+    overrides = ["duration_s=0.3", "output.figures=false"]
+    run_scenario(load_scenario("two_trailers_turn", overrides), tmp_path)
+    film = Film(Footage.of(tmp_path, 10.0, 1.0, 0.0, None), "both", 1.0)
+    picture = film.frame(2)[60:UPPER, film._left :]
+    shades = film._stage._bodies if film._stage else []
+    film.close()
+    violet = coloured(picture, style.TRAILER).astype(np.uint8)
+    areas = cv2.connectedComponentsWithStats(violet)[2][1:, cv2.CC_STAT_AREA]
+    assert (areas > 100).sum() == 2  # apart by their dark edges
+    assert len(shades) == 3
 
 
 def test_plots_are_uncovered_as_time_goes_on(run: Path) -> None:

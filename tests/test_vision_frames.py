@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ctypes
+
 import numpy as np
 import pytest
 from vision_scene import camera, random_pose, with_faults
@@ -51,21 +53,22 @@ def test_a_region_has_the_bits_of_the_whole() -> None:
     assert part.any()
 
 
-def test_a_region_holds_the_bounding_sphere_of_every_part() -> None:
+def test_a_region_holds_the_robot_and_little_else() -> None:
     source = camera()
     renderer = source._renderer
     ends = [source.posture.positions(POSE + shift) for shift in ([0.0] * 4, [0.3, 0.1, 0.0, 1.0])]
-    # with the margin it is asked for: beside the axis a sphere's outline is longer than wide
-    region = renderer.robot_region(ends, CameraOptions().supersampling)
-    around = np.random.default_rng(0).standard_normal((2000, 3))
-    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    region = renderer.robot_region(ends, 3)
+    wide = region.grown(60)
+    seen = np.zeros(wide.shape, dtype=bool)
     for qpos in ends:
-        renderer._place(qpos)
-        centres = renderer._data.geom_xpos[renderer._robot_geoms]
-        surface = centres[:, None] + renderer._radii[:, None, None] * around
-        places = source._lens.focal_px * source.true.slopes(surface).reshape(-1, 2)
-        assert (places >= region[:2]).all()
-        assert (places <= region[2:]).all()
+        seen |= renderer.robot(qpos, wide).any(axis=2)
+    inner = region.grown(-3).within(wide)
+    assert seen[inner].sum() == seen.sum()
+    # boxes around round parts that are turned are larger by (1 - 1/√2)·36 mm, 21 of these pixels
+    rows, columns = np.nonzero(seen[inner])
+    ends_px = [columns.min(), rows.min(), *np.subtract(seen[inner].shape[::-1], 1)]
+    ends_px = np.subtract(ends_px, [0, 0, columns.max(), rows.max()])
+    assert np.abs(ends_px).max() <= 21
     assert renderer.robot_region(ends, 7) == region.grown(4)
 
 
@@ -154,6 +157,7 @@ def test_the_asked_shares_of_frames_are_lost() -> None:
 
 def test_without_opengl_the_error_names_the_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(gl, "_egl_starts", lambda: False)
     monkeypatch.setattr(gl, "probe", lambda name: gl.Probe(name, None, "not here"))
     gl.chosen_backend.cache_clear()
     try:
@@ -161,6 +165,16 @@ def test_without_opengl_the_error_names_the_packages(monkeypatch: pytest.MonkeyP
             gl.make_context()
     finally:
         gl.chosen_backend.cache_clear()
+
+
+def test_egl_starts_where_a_process_can_draw_with_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert gl._egl_starts() == (gl.probe("egl").renderer is not None)
+    monkeypatch.setattr(ctypes, "CDLL", not_here)
+    assert not gl._egl_starts()
+
+
+def not_here(name: str) -> None:
+    raise OSError(name)
 
 
 def test_two_cameras_do_not_disturb_each_other() -> None:

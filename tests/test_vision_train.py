@@ -14,9 +14,9 @@ import ttwmr_mj as tt
 from ttwmr_mj.dynamics.train import links
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.frame import TRAILER_CLASS
 from ttwmr_mj.vision.camera.labels import LabelLayout, read_layout
 from ttwmr_mj.vision.camera.model import hang_camera
@@ -39,7 +39,7 @@ FREE = {"stiffness_n_m_rad": 0.02, "damping_n_m_s_rad": 0.01, "coulomb_friction_
 
 @cache
 def model(count: int) -> mujoco.MjModel:
-    return build_model(train(count), ContactOptions())
+    return build_drawn_model(train(count), ContactOptions())
 
 
 def layout(count: int = 3) -> LabelLayout:

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
+from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Faults
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 
@@ -20,7 +20,7 @@ ROBOT = RobotParameters()
 
 @cache
 def model() -> mujoco.MjModel:
-    return build_model(ROBOT, ContactOptions())
+    return build_drawn_model(ROBOT, ContactOptions())
 
 
 @cache

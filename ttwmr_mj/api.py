@@ -5,7 +5,8 @@ from pathlib import Path
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
-from ttwmr_mj.runs.folder import open_folder, results_folder
+from ttwmr_mj.runs.folder import results_folder
+from ttwmr_mj.runs.new_folder import new_folder
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.pair import run_pair as compare
 
@@ -45,12 +46,12 @@ def run(
     Args:
         scenario: what to run.
         out: the run folder; None: a new one under results/.
-        force: write into a folder that is not empty.
+        force: replace the run in the folder, if there is one.
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
-        InputError: the scenario cannot be built, or the folder is not empty.
+        InputError: the scenario cannot be built, or the folder is not empty or in use.
     """
     folder = out or results_folder(scenario.name, scenario.seed)
-    open_folder(folder, force)
-    return run_scenario(scenario, folder, scenario_folder=scenario_folder)
+    with new_folder(folder, force):
+        return run_scenario(scenario, folder, scenario_folder=scenario_folder)

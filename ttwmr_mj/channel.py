@@ -51,6 +51,7 @@ class LatencyQueue(Generic[T]):
     def __init__(self, channel: Channel, rngs: list[np.random.Generator]) -> None:
         """Set up; every simulation has its own generator, whatever the batch."""
         self._channel, self._rngs = channel, rngs
+        self._is_random = channel.is_random
         self._sent: dict[int, T] = {}
         self._arrival: dict[int, IntArray] = {}
         self._newest: IntArray = np.zeros(len(rngs), dtype=np.int64)
@@ -80,7 +81,7 @@ class LatencyQueue(Generic[T]):
         """(nsim,) delay of the message sent in period k, in periods; NEVER if it is lost."""
         channel, rngs = self._channel, self._rngs
         latency = np.full(len(rngs), channel.latency, dtype=np.int64)
-        if not channel.is_random or k == 0:  # the first is never lost
+        if not self._is_random or k == 0:  # the first is never lost
             return latency
         if (k - 1) % BLOCK == 0:
             chance = np.array([rng.random(BLOCK) for rng in rngs]).T

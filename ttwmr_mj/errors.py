@@ -2,11 +2,30 @@
 
 from __future__ import annotations
 
+import errno
+import os
+import re
 import unicodedata
 from dataclasses import dataclass, replace
 from typing import Any
 
 Keys = tuple[str | int, ...]
+MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
+LONGEST_REASON = 1000  # letters of what an exception says of itself
+# what the user named cannot be used; any other error of the system is no fault of the input
+OF_NAMES = frozenset(
+    {
+        errno.ENAMETOOLONG,
+        errno.ENOENT,
+        errno.ENOTDIR,
+        errno.EISDIR,
+        errno.EEXIST,
+        errno.ELOOP,
+        errno.EACCES,
+        errno.EPERM,
+        errno.EINVAL,
+    }
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,11 +73,31 @@ def shown(value: Any) -> str:
 
 
 def described(error: BaseException) -> str:
-    """The kind of an exception and what it says of itself, if it can."""
+    """The kind of an exception and what it says of itself, if it can, in a thousand letters."""
     try:
-        return f"{type(error).__name__}: {error}"
-    except Exception as other:
+        text = f"{type(error).__name__}: {error}"
+    except KeyboardInterrupt:
+        raise
+    except BaseException as other:  # a user's exception may do anything here too
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
+    text = text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
+    return printable(text)
+
+
+def of_system(error: OSError) -> str:
+    """What the system refused, and of which file."""
+    name = "" if error.filename is None else str(error.filename)
+    short = name if len(name) <= 100 else f"{name[:97]}..."
+    # in the system's own words: libraries wrap them in theirs
+    why = os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
+    return f"{short}: {why}" if name else why
+
+
+def is_of_input(error: BaseException) -> bool:
+    """Whether an input is to blame (exit code 2), so that nothing was done."""
+    if isinstance(error, OSError):
+        return error.errno in OF_NAMES
+    return isinstance(error, TtwmrError) and not isinstance(error, RunError)
 
 
 def printable(text: str) -> str:
@@ -68,6 +107,14 @@ def printable(text: str) -> str:
     the window's title, or write over lines above.
     """
     return "".join(c if c in "\n\t" or not _commands(c) else repr(c)[1:-1] for c in text)
+
+
+def in_markdown(text: str) -> str:
+    """A text of somebody else's as part of a Markdown line: without HTML, link, table or code.
+
+    So it may stand in a leaderboard and in a recording's panel. HTML pages escape by themselves.
+    """
+    return MARKS.sub(r"\\\1", " ".join(printable(text).split()))
 
 
 def _commands(character: str) -> bool:
@@ -118,6 +165,13 @@ def _restored(kind: type[InputError], faults: tuple[Fault, ...], file: str | Non
 
 class RunError(TtwmrError):
     """A run that started could not be finished: divergence, failed physics (exit code 1)."""
+
+
+class Overrun(BaseException):
+    """Code of the user's took longer than it may.
+
+    Not an Exception, so that `except Exception` does not swallow it.
+    """
 
 
 class MachineError(TtwmrError):

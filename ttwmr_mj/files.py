@@ -1,11 +1,11 @@
-"""Files: written under a temporary name, then renamed (atomically); and file names in input."""
+"""What the system holds: files, written whole or not at all; their names in input; variables."""
 
 from __future__ import annotations
 
 import json
 import os
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,10 +80,28 @@ def written(path: Path) -> Iterator[Path]:
         raise
 
 
+@contextmanager
+def together(files: Iterable[Path]) -> Iterator[None]:
+    """Files that belong together: those that are new go again if not all could be written."""
+    new = [file for file in files if not file.exists()]
+    try:
+        yield
+    except BaseException:
+        for file in new:
+            file.unlink(missing_ok=True)
+        raise
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file under a temporary name, then rename it."""
     with written(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_bytes(path: Path, content: bytes) -> None:
+    """Write a file under a temporary name, then rename it."""
+    with written(path) as temporary:
+        temporary.write_bytes(content)
 
 
 def write_json(path: Path, value: Any) -> None:
@@ -97,6 +115,24 @@ def write_parquet(table: pa.Table, path: Path) -> None:
 
     with written(path) as temporary:
         pq.write_table(table, temporary)
+
+
+@contextmanager
+def variable(name: str, value: str | None) -> Iterator[None]:
+    """While the context lasts a variable of the environment has this value, or is not there."""
+    before = os.environ.get(name)
+    _set_variable(name, value)
+    try:
+        yield
+    finally:
+        _set_variable(name, before)
+
+
+def _set_variable(name: str, value: str | None) -> None:
+    if value is None:
+        os.environ.pop(name, None)
+    else:
+        os.environ[name] = value
 
 
 def is_file(path: Path) -> bool:

@@ -99,7 +99,7 @@ class Estimate:
     wheel_angle_rad: FloatArray | None = None
 
     def of(self, who: NDArray[np.intp]) -> Estimate:
-        """That of some of the simulations."""
+        """That of some of the simulations, in arrays of its own."""
         measured, turned = self.measurement_age_s, self.wheel_angle_rad
         return Estimate(
             RobotState(self.state.q[who], self.state.q_rate[who]),
@@ -108,6 +108,18 @@ class Estimate:
             self.labels_found[who],
             None if measured is None else measured[who],
             None if turned is None else turned[who],
+        )
+
+    def copy(self) -> Estimate:
+        """The same in arrays of its own."""
+        measured, turned = self.measurement_age_s, self.wheel_angle_rad
+        return Estimate(
+            RobotState(self.state.q.copy(), self.state.q_rate.copy()),
+            self.age_s.copy(),
+            self.valid.copy(),
+            self.labels_found.copy(),
+            None if measured is None else measured.copy(),
+            None if turned is None else turned.copy(),
         )
 
 

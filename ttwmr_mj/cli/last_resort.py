@@ -3,28 +3,28 @@
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import sys
 from collections.abc import Sequence
 
-from ttwmr_mj.errors import InputError, RunError, TtwmrError, described, printable
+from ttwmr_mj.errors import (
+    InputError,
+    RunError,
+    TtwmrError,
+    described,
+    is_of_input,
+    of_system,
+    printable,
+)
 
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
-# what the user named cannot be used; any other error of the system is no fault of the input
-OF_NAMES = frozenset(
-    {
-        errno.ENAMETOOLONG,
-        errno.ENOENT,
-        errno.ENOTDIR,
-        errno.EISDIR,
-        errno.EEXIST,
-        errno.ELOOP,
-        errno.EACCES,
-        errno.EPERM,
-        errno.EINVAL,
-    }
-)
+
+
+def _tell_nobody(code: int) -> None:
+    del code
+
+
+at_close = _tell_nobody  # who wants to know the exit code before the process is over
 
 
 def open_streams() -> None:
@@ -63,13 +63,15 @@ def readable(words: Sequence[str]) -> list[str]:
 def close_streams(code: int) -> int:
     """Flush the output; the exit code, which is FAILED where the output could not be written."""
     try:
-        sys.stdout.flush()
+        if sys.stdout is not None and not sys.stdout.closed:  # a law of the user's may do that
+            sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output left; that is its right
         _discard(1)
     except OSError as error:
         _discard(1)
         say(f"cannot write the output: {error.strerror or error}")
         code = code or FAILED
+    at_close(code)
     return code
 
 
@@ -99,11 +101,9 @@ def _meaning(error: BaseException) -> tuple[str, int]:
         case TtwmrError():
             return str(error), WRONG
         case OSError():
-            named = error.errno in OF_NAMES
-            where = f"{_short(str(error.filename))}: " if error.filename is not None else ""
-            why = error.strerror or str(error) or type(error).__name__
-            kept = "" if named else "; files that were complete are kept"
-            return f"{where}{why}{kept}", WRONG if named else FAILED
+            if is_of_input(error):
+                return of_system(error), WRONG
+            return f"{of_system(error)}; files that were complete are kept", FAILED
         case UnicodeEncodeError():
             hint = "set LC_ALL=C.UTF-8"
             return f"this locale cannot name {ascii(error.object)[:80]}; {hint}", WRONG

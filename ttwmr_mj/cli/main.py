@@ -3,10 +3,12 @@
 import argparse
 import signal
 import sys
-from collections.abc import Sequence
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from typing import Any, NoReturn
 
-from ttwmr_mj.cli import engine, last_resort
+from ttwmr_mj.cli import engine, last_resort, supervisor
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -25,13 +27,13 @@ EXAMPLES = """examples:
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
     last_resort.open_streams()
-    debug = False
+    debug, supervisor.own_process = False, words is None
     try:
         words = last_resort.readable(sys.argv[1:] if words is None else words)
         subcommand = parse(words)
         debug = subcommand.debug
-        signal.signal(signal.SIGTERM, _interrupt)
-        return last_resort.close_streams(subcommand())
+        with _ended_like_ctrl_c():
+            return last_resort.close_streams(subcommand())
     except SystemExit as end:  # of argparse, with its help or its error told
         code = end.code if isinstance(end.code, int) else last_resort.FAILED
         raise SystemExit(last_resort.close_streams(code)) from None
@@ -75,8 +77,20 @@ def _like(word: str, known: list[str]) -> str:
     return f"; did you mean {close[0]!r}?" if close else f"; there are {', '.join(known)}"
 
 
+@contextmanager
+def _ended_like_ctrl_c() -> Iterator[None]:
+    """While the context lasts SIGTERM ends a command like Ctrl-C, so that its files are closed."""
+    if threading.current_thread() is not threading.main_thread():  # which alone gets signals
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, _interrupt)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
+
+
 def _interrupt(signum: int, frame: Any) -> NoReturn:
-    """SIGTERM ends a run like Ctrl-C, so that its files are closed."""
     del signum, frame
     raise KeyboardInterrupt
 

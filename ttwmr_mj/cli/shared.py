@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sys
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, RunError, is_of_input, of_system
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
@@ -31,15 +32,30 @@ class NewFolder(Quiet):
     out: Path | None = option(
         "folder for the results; default: a new one under results/", metavar="DIR"
     )
-    force: bool = option("write into a folder that is not empty")
+    force: bool = option("replace the run in the folder, if there is one")
 
-    def open_folder(self, name: str, suffix: str | int) -> Path:
-        """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>."""
-        from ttwmr_mj.runs.folder import open_folder, results_folder
+    @contextmanager
+    def new_folder(self, name: str, suffix: str | int) -> Iterator[Path]:
+        """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>.
+
+        What breaks the work off is told together with what is kept.
+
+        Raises:
+            RunError: a signal or the system broke it off.
+        """
+        from ttwmr_mj.runs.folder import results_folder
+        from ttwmr_mj.runs.new_folder import kept, new_folder
 
         folder = self.out or results_folder(name, suffix)
-        open_folder(folder, self.force)
-        return folder
+        with new_folder(folder, self.force):
+            try:
+                yield folder
+            except KeyboardInterrupt:
+                raise RunError(f"stopped; {kept(folder)}") from None
+            except OSError as error:
+                if is_of_input(error) and folder.is_dir():
+                    raise
+                raise RunError(f"{of_system(error)}; {kept(folder)}") from error
 
 
 class Overrides(Subcommand):

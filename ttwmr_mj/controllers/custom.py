@@ -1,14 +1,16 @@
 """A controller of the user's own, named `module:Class` in the scenario."""
 
+import copy
 import importlib
 import sys
+from contextlib import suppress
 from pathlib import Path
-from typing import Any, ClassVar, Literal
+from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions
-from ttwmr_mj.errors import InputError, described
+from ttwmr_mj.errors import InputError, Overrun, described
 
 
 class CustomOptions(ControllerOptions):
@@ -18,22 +20,34 @@ class CustomOptions(ControllerOptions):
     target: str = Field(
         pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$", description="the class, as module:Class"
     )
+    folder: str | None = Field(
+        default=None,
+        min_length=1,
+        description="where the module is; left out: beside the scenario file, or on the Python "
+        "path. The resolved scenario of a run says it",
+    )
     needs_reference: ClassVar[bool] = False
     alone: ClassVar[bool] = True
     options: dict[str, Any] = Field(default={}, description="keyword arguments passed to the class")
+
+    def placed(self, folder: Path) -> Self:
+        """The same for a scenario file anywhere; this one's is in the folder."""
+        return self.model_copy(update={"folder": str((folder / (self.folder or "")).resolve())})
 
     def make(self, folder: Path) -> Controller:
         """Import the module, from the scenario's folder or the Python path; make the controller.
 
         Raises:
             InputError: the module or class cannot be found or made, or is no `Controller`.
+            Overrun: from within the module; whoever calls may have set a deadline.
         """
         module_name, class_name = self.target.split(":")
         key, got = "controller.target", repr(self.target)
+        folder = folder / (self.folder or "")
         sys.path.insert(0, str(folder.resolve()))
         try:
             module = importlib.import_module(module_name)
-        except KeyboardInterrupt:
+        except (KeyboardInterrupt, Overrun):
             raise
         except BaseException as error:  # a user's module may raise anything, and leave
             raise InputError.at(
@@ -43,7 +57,8 @@ class CustomOptions(ControllerOptions):
                 hint=f"it must be beside the scenario ({folder}) or on the Python path",
             ) from error
         finally:
-            sys.path.pop(0)
+            with suppress(ValueError):  # the module may have changed the path
+                sys.path.remove(str(folder.resolve()))
         found = getattr(module, class_name, None)
         if not (isinstance(found, type) and issubclass(found, Controller)):
             problem = (
@@ -51,8 +66,8 @@ class CustomOptions(ControllerOptions):
             )
             raise InputError.at(key, problem, got=got)
         try:
-            return found(**self.options)
-        except KeyboardInterrupt:
+            return found(**copy.deepcopy(self.options))  # the scenario's own stay as they are
+        except (KeyboardInterrupt, Overrun):
             raise
         except BaseException as error:
             problem = f"{class_name}(**controller.options) raised {described(error)}"

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.figures.style import DPI, SIZE_IN, STYLE
+from ttwmr_mj.files import variable, written
 from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
@@ -27,7 +28,8 @@ def canvas(
         size_in: width and height [in].
         looks: matplotlib settings that replace those of STYLE.
     """
-    import matplotlib as mpl
+    with variable("MPLBACKEND", None):  # it need not be installed, and is not used here
+        import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
@@ -48,12 +50,8 @@ METADATA: dict[str, dict[str, None]] = {  # what would make bytes depend on time
 
 def save(figure: Figure, path: Path, dpi: float = DPI) -> Path:
     """Write a .png, .svg or .pdf under another name first, so that nobody sees half a file."""
-    draft = path.with_name(f".{path.name}.part")
-    try:
+    with written(path) as draft:
         figure.savefig(draft, format=path.suffix[1:], dpi=dpi, metadata=METADATA[path.suffix])
-        draft.replace(path)
-    finally:
-        draft.unlink(missing_ok=True)
     return path
 
 

@@ -152,7 +152,7 @@ def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
     axes.set_yscale("log")
     axes.set_ylabel("error [mm]")
     if axes.get_legend_handles_labels()[1]:
-        axes.legend(loc="upper right", borderaxespad=0.1)
+        _legend_above(axes)
 
 
 def _draw_angles(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
@@ -166,7 +166,7 @@ def _draw_angles(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
         axes.plot(run.time_s, angles[:, i], color=style.TRAILER, alpha=shade, label=f"θ{i + 2}")
     axes.set_ylabel("θ2 [rad]" if trailers == 1 else "θ [rad]")
     if trailers > 1:
-        axes.legend(loc="upper right", ncols=trailers, borderaxespad=0.1)
+        _legend_above(axes)
 
 
 def _draw_wheels(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
@@ -180,7 +180,21 @@ def _draw_wheels(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
         axes.axhline(side, label=None if i else "limit", **looks)
     axes.set_ylim(bottom=0.0 if len(sides) == 1 and np.nanmin(speeds) >= 0.0 else None)
     axes.set_ylabel("wheels [rad/s]")
-    axes.legend(loc="center right", ncols=3, borderaxespad=0.1)
+    _legend_above(axes)
+
+
+def _legend_above(axes: Axes) -> None:
+    """In one line above a panel, where it covers no curve."""
+    handles, names = axes.get_legend_handles_labels()
+    axes.legend(
+        handles,
+        names,
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=len(names),
+        borderpad=0.0,
+        borderaxespad=0.2,
+    )
 
 
 def _estimated(run: Trajectory) -> Any:

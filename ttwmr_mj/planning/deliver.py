@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from ttwmr_mj.figures.plan import write_plan_figure
-from ttwmr_mj.files import write_text
+from ttwmr_mj.files import together, write_text
 from ttwmr_mj.planning.knots import write_knots
 from ttwmr_mj.planning.through_points import UNITS, Found, Request
 from ttwmr_mj.planning.transcription import Limits
@@ -53,15 +53,17 @@ def deliver(
         command: that made it.
     """
     out.parent.mkdir(parents=True, exist_ok=True)
-    write_knots(out, found.plan, robot, command)
-    scenario, picture = out.with_suffix(".toml"), out.with_suffix(".png")
-    write_text(scenario, _scenario(out, request, found, base))
+    done = Delivered(out, out.with_suffix(".toml"), out.with_suffix(".png"))
     end = float(found.plan.time_s[-1])
-    time_s = np.linspace(0.0, end, round(end / FINE_S) + 1)
-    reference = Planned(plan=str(out.resolve())).sample(time_s, robot)
-    drawn = {"wheel speed": limits.wheel_speed_rad_s, "hitch angle": limits.hitch_angle_rad}
-    write_plan_figure(picture, reference, robot, request.points_m, drawn, _title(out, request, end))
-    return Delivered(out, scenario, picture)
+    with together((done.plan, done.scenario, done.picture)):
+        write_knots(out, found.plan, robot, command)
+        write_text(done.scenario, _scenario(out, request, found, base))
+        time_s = np.linspace(0.0, end, round(end / FINE_S) + 1)
+        reference = Planned(plan=str(out.resolve())).sample(time_s, robot)
+        drawn = {"wheel speed": limits.wheel_speed_rad_s, "hitch angle": limits.hitch_angle_rad}
+        title = _title(out, request, end)
+        write_plan_figure(done.picture, reference, robot, request.points_m, drawn, title)
+    return done
 
 
 def what_limits(found: Found, limits: Limits) -> list[str]:
@@ -89,7 +91,7 @@ def scenario_name(out: Path) -> str:
 
 def _title(out: Path, request: Request, end_s: float) -> str:
     count = len(request.points_m)
-    how = "round and round, one in" if request.closed else "from rest to rest in"
+    how = "a closed path, one round in" if request.closed else "from rest to rest in"
     return f"{scenario_name(out)}: {count} points, {how} {end_s:.3g} s"
 
 

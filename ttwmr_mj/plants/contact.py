@@ -5,9 +5,7 @@ import os
 from functools import partial
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
-from mujoco import batch
 from numpy.typing import NDArray
 
 from ttwmr_mj.config import column, columns, each, rows_of
@@ -18,6 +16,7 @@ from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.engine import batch, mujoco
 from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model

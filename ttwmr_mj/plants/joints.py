@@ -4,9 +4,9 @@ The tractor is a free body whose frame sits at P, trailers hang on hinges whose 
 θ(i+1) − θi. The order within qpos and qvel is the model's own affair, so every place is looked up.
 """
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.names import WHEELS, casters, hitches
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 

@@ -1,6 +1,5 @@
 """XML and parameters make one MjModel, whose halves weigh exactly what the parameters say."""
 
-import mujoco
 import numpy as np
 
 from ttwmr_mj.assets import models_folder
@@ -10,6 +9,7 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.engine import mujoco, warnings_kept
 from ttwmr_mj.plants.names import CASTERS, WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.relief import add_relief
 from ttwmr_mj.plants.runners import add_runner
@@ -43,12 +43,7 @@ def build_spec(
         InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
     """
     path = options.model_path or str(models_folder() / "scene.xml")
-    try:
-        spec = mujoco.MjSpec.from_file(path)
-    except (ValueError, OSError) as error:
-        raise InputError.at(
-            "plant.contact.model_path", f"MuJoCo cannot read it: {error}", got=repr(path)
-        ) from error
+    spec = _read(path)
     try:
         add_trailers(spec, path, robot, options.contact_time_constant_s)
         _set_inertia(spec, robot)
@@ -74,6 +69,23 @@ def build_spec(
     return spec
 
 
+def _read(path: str) -> mujoco.MjSpec:
+    """A scene as the user wrote it.
+
+    Raises:
+        InputError: MuJoCo cannot read it, or warns of it.
+    """
+    key, got = "plant.contact.model_path", repr(path)
+    try:
+        with warnings_kept() as warned:
+            spec = mujoco.MjSpec.from_file(path)
+    except (ValueError, OSError) as error:
+        raise InputError.at(key, f"MuJoCo cannot read it: {error}", got=got) from error
+    if warned:
+        raise InputError.at(key, f"MuJoCo warns: {'; '.join(warned[:3])}", got=got)
+    return spec
+
+
 def build_model(
     robot: RobotParameters,
     options: ContactOptions,
@@ -84,7 +96,10 @@ def build_model(
     """The compiled laboratory with this robot in it; arguments and errors as of `build_spec`."""
     spec = build_spec(robot, options, ground, torque_input=torque_input)
     try:
-        model = spec.compile()
+        with warnings_kept() as warned:
+            model = spec.compile()
+        if warned:
+            raise ValueError("; ".join(warned[:3]))
     except ValueError as error:
         raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
     gimballed = any(hitch.gimballed for hitch in robot.hitches)

@@ -1,8 +1,8 @@
 """The outlines of a robot's chassis as seen from above."""
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.plants.names import hitches
 from ttwmr_mj.state import FloatArray

@@ -1,11 +1,11 @@
 """Terrain and kerbs in the MjModel: built into it, and read back as heights."""
 
-import mujoco
 import numpy as np
 
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.terrain import Terrain, scaled
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 
 TERRAIN = "terrain"

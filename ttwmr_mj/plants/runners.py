@@ -9,7 +9,7 @@ pressed on the floor by a spring too soft to feel a lift, and drags with its spr
 whichever way it goes, and holds where it stands.
 """
 
-import mujoco
+from ttwmr_mj.plants.engine import mujoco
 
 MASS_KG = 1e-6  # a millionth of the robot's
 SPRING_N_M = 1e-3  # soft: a lift of 1 mm costs 1e-6 N

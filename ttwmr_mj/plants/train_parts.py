@@ -4,8 +4,7 @@ Bodies that are hinged together may overlap, as they do at a hitch; all others c
 leads to the next hitch and holds its pin.
 """
 
-import mujoco
-
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.names import namespace, trailer_part
 from ttwmr_mj.robot import RobotParameters
 

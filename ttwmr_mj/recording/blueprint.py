@@ -31,6 +31,7 @@ def blueprint(
     *,
     camera: bool = False,
     paced: bool = False,
+    looks_scale: float = 1.0,
     signals: Iterable[str] = (),
     ranges: Mapping[str, Range] | None = None,
     times_s: Range | None = None,
@@ -43,6 +44,7 @@ def blueprint(
         floor_m: (2, 2) lower and upper corner of the floor, to be seen whole from above.
         camera: show the camera's picture and how well the robot is known.
         paced: show where the run fell behind the clock.
+        looks_scale: size of the robot relative to Table I's.
         signals: names of what the control law logs, each with a plot in a tab of their own.
         ranges: plot → its smallest and largest value, where they are known.
         times_s: the first and the last time of the run, once they are known.
@@ -66,13 +68,13 @@ def blueprint(
         )
         tabs.append(rrb.Grid(*plots_of, grid_columns=1 if len(names) < 4 else 2, name="Signals"))
     tabs.append(layout.report_view("Numbers", layout.DETAILS))
-    robot = _robot(name, floor_m, camera=camera)
+    robot = _robot(name, floor_m, looks_scale, camera=camera)
     return layout.page(rrb.Horizontal(robot, rrb.Tabs(*tabs, active_tab=0), column_shares=[3, 2]))
 
 
-def _robot(name: str, floor_m: FloatArray, *, camera: bool) -> rrb.Vertical:
+def _robot(name: str, floor_m: FloatArray, looks_scale: float, *, camera: bool) -> rrb.Vertical:
     """The robot from behind; below it from above or in the camera's picture, and the report."""
-    robot = layout.scene_view("Robot", layout.following_eye(), driven_paths())
+    robot = layout.scene_view("Robot", layout.following_eye(looks_scale), driven_paths())
     report = layout.report_view(name)
     beside = (
         layout.picture_view("Camera")

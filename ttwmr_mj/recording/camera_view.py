@@ -1,6 +1,6 @@
 """The camera's picture in a recording, with what the tracker looked for, found and believes."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import cv2
@@ -80,8 +80,11 @@ class CameraView:
         self._sightings([(r.time_s, r.sighting) for r in records if r.sighting is not None])
         known = [r for r in records if np.isfinite(r.estimate.q).all()]
         self._hidden([r for r in known if r.sighting is not None])
-        self._lines("estimate", known, self._skeleton)
-        self._lines("covariance", known, self._ellipse)
+        if known:
+            q = np.stack([record.estimate.q for record in known])
+            spread = np.stack([record.estimate.covariance[:2, :2] for record in known])
+            self._lines("estimate", known, self._skeletons(q))
+            self._lines("covariance", known, self._ellipses(q, spread))
         times_s = np.array([r.time_s for r in records])
         self._status.append(times_s, [str(r.estimate.status) for r in records])
 
@@ -114,27 +117,22 @@ class CameraView:
         """By name, the labels that were not found, where the tracker takes them to be."""
         if not records:
             return
-        places: list[FloatArray] = []
-        names: list[str] = []
-        for record in records:
-            assert record.sighting is not None
-            missing = ~np.isfinite(record.sighting.found_px[:, 0])
-            centres = self._camera.project(self._layout.centres_m(record.estimate.q))
-            places.append(centres[missing])
-            names += [self._names[label] for label in np.flatnonzero(missing)]
-        columns = rr.Points2D.columns(positions=np.concatenate(places), labels=names)
+        found = [r.sighting.found_px for r in records if r.sighting is not None]
+        missing = ~np.isfinite(np.stack(found)[..., 0])
+        q = np.stack([record.estimate.q for record in records])
+        places = self._camera.project(self._layout.centres_m(q))[missing]
+        names = [self._names[label] for label in np.nonzero(missing)[1].tolist()]
+        columns = rr.Points2D.columns(positions=places, labels=names)
         times_s = [record.time_s for record in records]
-        self._send("hidden", times_s, columns.partition([len(part) for part in places]))
+        self._send("hidden", times_s, columns.partition(missing.sum(axis=1)))
 
     def _points(self, name: str, times_s: list[float], points: Sequence[FloatArray]) -> None:
         if points:
             columns = rr.Points2D.columns(positions=np.concatenate(points))
             self._send(name, times_s, columns.partition([len(part) for part in points]))
 
-    def _lines(
-        self, name: str, records: Sequence[CameraRecord], draw: Callable[[CameraRecord], FloatArray]
-    ) -> None:
-        columns = rr.LineStrips2D.columns(strips=[draw(record) for record in records])
+    def _lines(self, name: str, records: Sequence[CameraRecord], strips: FloatArray) -> None:
+        columns = rr.LineStrips2D.columns(strips=list(strips))
         self._send(name, [record.time_s for record in records], columns)
 
     def _send(self, name: str, times_s: list[float], columns: Any) -> None:
@@ -142,22 +140,26 @@ class CameraView:
             path = f"{PICTURE}/{name}".rstrip("/")
             self._stream.send_columns(path, [time_column(np.array(times_s))], columns)
 
-    def _skeleton(self, record: CameraRecord) -> FloatArray:
-        """(2 + 3n, 2) px: labels of the tractor, then P and those of its trailer, and so on."""
-        labels = self._layout.centres_m(record.estimate.q)
-        pins = self._layout.hitches_m(record.estimate.q)
-        line = [*labels[:2]]
-        for i, pin in enumerate(pins, start=1):
-            line += [np.append(pin, labels[:, 2].mean()), *labels[2 * i : 2 * i + 2]]
-        return self._camera.project(np.stack(line))
+    def _skeletons(self, q: FloatArray) -> FloatArray:
+        """(n, 2 + 3·trailers, 2) px: labels of the tractor, then P and those of its trailer, ..."""
+        labels = self._layout.centres_m(q)
+        pins = np.stack([self._layout.hitches_m(pose) for pose in q])
+        height = np.full((len(q), 1), labels[0, :, 2].mean())
+        line = [labels[:, :2]]
+        for i in range(self._layout.trailers):
+            pin = np.concatenate([pins[:, i], height], axis=1)
+            line += [pin[:, None], labels[:, 2 * i + 2 : 2 * i + 4]]
+        return self._camera.project(np.concatenate(line, axis=1))
 
-    def _ellipse(self, record: CameraRecord) -> FloatArray:
-        """(33, 2) px: 3 σ of P, drawn ELLIPSE_SCALE times its size."""
-        variance, axes = np.linalg.eigh(record.estimate.covariance[:2, :2])
+    def _ellipses(self, q: FloatArray, covariance: FloatArray) -> FloatArray:
+        """(n, 33, 2) px: 3 σ of P, drawn ELLIPSE_SCALE times its size."""
+        variance, axes = np.linalg.eigh(covariance)
         reach = ELLIPSE_SCALE * ELLIPSE_SIGMAS * np.sqrt(np.maximum(variance, 0.0))
-        ring = record.estimate.q[:2] + (CIRCLE * reach) @ axes.T
-        height = np.full((len(ring), 1), float(self._layout.height_m.mean()))
-        return self._camera.project(np.concatenate([ring, height], axis=1))
+        around = (CIRCLE * reach[:, None]) @ axes.transpose(0, 2, 1)
+        ring = np.empty((len(q), len(CIRCLE), 3))
+        ring[..., :2] = q[:, None, :2] + around
+        ring[..., 2] = self._layout.height_m.mean()
+        return self._camera.project(ring)
 
 
 def _finite(points: FloatArray) -> FloatArray:

@@ -16,7 +16,8 @@ PICTURE = "camera/picture"  # where `camera_view` puts the frames
 START, END = rrb.TimeRangeBoundary.infinite(), rrb.TimeRangeBoundary.infinite()
 # By default, plots of more than a minute show a window that travels with the time cursor.
 WHOLE_RUN = rrb.TimeAxis(view_range=rrb.TimeRange(start=START, end=END))
-FOLLOWING_EYE_M = (-0.32, -0.35, 0.34)  # from P, seen over its right shoulder when it drives to +y
+# from P of Table I's robot, which is seen over its right shoulder when it drives to +y
+FOLLOWING_EYE_M = (-0.32, -0.35, 0.34)
 Range = tuple[float, float]
 EDGE = 0.04  # share of an axis kept free at both ends, where the viewer would cut a tick's label
 
@@ -144,11 +145,12 @@ def scene_view(
     )
 
 
-def following_eye() -> rrb.EyeControls3D:
-    """An eye that travels with P."""
+def following_eye(looks_scale: float = 1.0) -> rrb.EyeControls3D:
+    """An eye that travels with P, so far from it that a robot of any size is seen whole."""
+    x, y, z = FOLLOWING_EYE_M
     return rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=FOLLOWING_EYE_M,
+        position=(looks_scale * x, looks_scale * y, looks_scale * z),
         look_target=(0.0, 0.0, 0.0),
         eye_up=(0.0, 0.0, 1.0),
         tracking_entity=f"/{P_MARKER}",  # must have a shape of its own, a bare transform is ignored

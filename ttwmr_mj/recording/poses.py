@@ -1,8 +1,8 @@
 """Where every body of the model is at the rows of a trajectory, by forward kinematics."""
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.state import FloatArray

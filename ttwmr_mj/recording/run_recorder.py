@@ -7,10 +7,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import mujoco
 import numpy as np
 import rerun as rr
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.recording import key, style
 from ttwmr_mj.recording.blueprint import blueprint
 from ttwmr_mj.recording.floor import floor_corners
@@ -18,7 +18,7 @@ from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import DETAILS
 from ttwmr_mj.recording.plots import Plots
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene
+from ttwmr_mj.recording.scene import Scene, force_scale_m_n
 from ttwmr_mj.recording.series import StateLog
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
@@ -53,6 +53,7 @@ class RunRecorder(RrdFile):
         camera: whether a camera's view will be added (`append_camera`).
         paced: whether it will be said where the run fell behind (`append_pace`).
         live: shows the run while it is recorded.
+        footer: as of `RrdFile`.
 
     Raises:
         InputError: the file cannot be created.
@@ -70,10 +71,19 @@ class RunRecorder(RrdFile):
         camera: bool = False,
         paced: bool = False,
         live: LiveView | None = None,
+        footer: bool = True,
     ) -> None:
         floor_m = floor_corners(reference)
-        self._layout = partial(blueprint, name, reference, floor_m, camera=camera, paced=paced)
-        super().__init__(path, name, self._layout(), live)
+        self._layout = partial(
+            blueprint,
+            name,
+            reference,
+            floor_m,
+            camera=camera,
+            paced=paced,
+            looks_scale=robot.looks_scale,
+        )
+        super().__init__(path, name, self._layout(), live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
         self._signals: tuple[str, ...] = ()
@@ -81,7 +91,7 @@ class RunRecorder(RrdFile):
         self._report(summary_markdown)
         self._report(summary_markdown, DETAILS)
         self._last_s: float | None = None
-        draw_key(self._stream, _key(reference, camera))
+        draw_key(self._stream, _key(robot, reference, camera))
         self._scene = Scene(self._stream, model, robot, reference, floor_m)
         self._plots = Plots(self._stream)
         self._camera: CameraView | None = None
@@ -106,10 +116,10 @@ class RunRecorder(RrdFile):
         self._scene.append(rows, curves)
         if (signals := tuple(rows.signals)) != self._signals:
             self._signals = signals  # the layout was sent before the law said what it logs
-            self._stream.send_blueprint(self._layout(signals=signals))
+            self._show(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
-        self._stream.flush()
+        self.flush()
 
     def append_pace(self, time_s: FloatArray, behind: Sequence[bool]) -> None:
         """Record at which of the next samples a run that is held to the clock came too late.
@@ -138,7 +148,7 @@ class RunRecorder(RrdFile):
 
             self._camera = CameraView(self._stream, camera, layout, SHOW_EVERY)
         self._camera.append(records)
-        self._stream.flush()
+        self.flush()
 
     def finish(self, result_markdown: str, details_markdown: str = "") -> None:
         """Show how the run ended, and every plot over the range that its values took.
@@ -153,13 +163,13 @@ class RunRecorder(RrdFile):
         if self._last_s is not None:
             times_s, ranges = (0.0, self._last_s), self._plots.ranges
             layout = self._layout(signals=self._signals, ranges=ranges, times_s=times_s)
-            self._stream.send_blueprint(layout)
+            self._show(layout)
 
 
-def _key(reference: ReferencePath | None, camera: bool) -> list[Entry]:
+def _key(robot: RobotParameters, reference: ReferencePath | None, camera: bool) -> list[Entry]:
     """What is drawn in the scene."""
     entries = [key.REFERENCE] if reference is not None else []
     entries += [key.TRACTOR, key.TRAILER]
     entries += [key.MISS] if reference is not None else []
     entries += [key.ESTIMATE] if camera else []
-    return [*entries, (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6)]
+    return [*entries, (f"force, {1e3 * force_scale_m_n(robot):g} mm/N", style.FORCE, 1.6)]

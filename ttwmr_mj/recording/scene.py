@@ -2,11 +2,11 @@
 
 from typing import Any
 
-import mujoco
 import numpy as np
 import rerun as rr
 
 from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.outline import VISUAL_GROUP
 from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
@@ -29,12 +29,21 @@ from ttwmr_mj.state import FloatArray
 WORLD = "world"
 P_MARKER = f"{WORLD}/tractor/P"
 
-FORCE_SCALE_M_N = 0.03  # a contact that carries 2.5 N gets an arrow of 75 mm
+FORCE_SCALE_M_N = 0.03  # of Table I's robot: a contact that carries 2.5 N gets an arrow of 75 mm
 
 
 def driven_paths(root: str = WORLD) -> tuple[str, str]:
     """The entities of the tractor's and the trailer's driven path."""
     return f"{root}/driven/tractor", f"{root}/driven/trailer"
+
+
+def force_scale_m_n(robot: RobotParameters) -> float:
+    """Length of a force's arrow [m] per newton, to one digit.
+
+    A force as large as the tractor's weight is as long beside a large robot as beside a small one.
+    """
+    lighter = RobotParameters().tractor.mass_kg / robot.tractor.mass_kg
+    return float(f"{FORCE_SCALE_M_N * robot.looks_scale * lighter:.0e}")
 
 
 class Scene:
@@ -78,7 +87,9 @@ class Scene:
         for path, colour in zip(driven_paths(root), (style.TRACTOR, style.TRAILER), strict=True):
             line = rr.LineStrips3D.from_fields(colors=[colour], radii=rr.Radius.ui_points([2.0]))
             stream.log(path, line, static=True)
-        arrow = rr.Arrows3D.from_fields(colors=[style.FORCE], radii=[0.002])
+        self._force_m_n = force_scale_m_n(robot)
+        radius = 0.002 * robot.looks_scale
+        arrow = rr.Arrows3D.from_fields(colors=[style.FORCE], radii=[radius])
         self._draw("contact_forces", arrow)
 
     def _draw(self, name: str, shape: rr.AsComponents) -> None:
@@ -122,7 +133,7 @@ class Scene:
         contacts = read_contacts(readings)
         arrows = rr.Arrows3D.columns(
             origins=contacts.position_m.reshape(-1, 3),
-            vectors=FORCE_SCALE_M_N * contacts.force_n.reshape(-1, 3),
+            vectors=self._force_m_n * contacts.force_n.reshape(-1, 3),
         )
         counts = np.full(len(readings), readings.shape[1])
         path = f"{self._root}/contact_forces"

@@ -1,10 +1,10 @@
 """Where the robot should be: its paths as bands on the floor, its place on them, the way there."""
 
-import mujoco
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.outline import chassis, outline
 from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
@@ -18,6 +18,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray
 
+# Lengths are of Table I's robot.
 TRACTOR_BAND_M, TRAILER_BAND_M = 0.014, 0.008  # widths
 BAND_STEP_M = 0.004  # between a band's corners
 PLACE_MARGIN_M = 0.014  # the place is larger than the robot by this: a robot on it has a halo
@@ -50,23 +51,26 @@ class Target:
     ) -> None:
         self._stream, self._relief = stream, relief
         self._root = root
+        self._scale = scale = robot.looks_scale
         self._poses = BodyPoses(model)
         self._chassis = chassis(model)
         self._rows = 0  # of the run so far
         q = reference.q[:, 0]
         trailer = reference_pieces(trailer_com(q, robot), reference.theta2_rad[:, 0])
-        self._draw_band("tractor", [q[:, :2]], TRACTOR_BAND_M)
-        self._draw_band("trailer", trailer, TRAILER_BAND_M)
+        self._draw_band("tractor", [q[:, :2]], scale * TRACTOR_BAND_M)
+        self._draw_band("trailer", trailer, scale * TRAILER_BAND_M)
         for name, body in self._chassis.items():
-            self._draw_place(name, outline(model, body, PLACE_MARGIN_M))
-        top = [0.0, 0.0, PIN_HEIGHT_M]  # a pin, seen over the robot
-        pole = rr.LineStrips3D([[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[0.0012])
+            self._draw_place(name, outline(model, body, scale * PLACE_MARGIN_M))
+        top = [0.0, 0.0, scale * PIN_HEIGHT_M]  # a pin, seen over the robot
+        pole = rr.LineStrips3D(
+            [[[0.0, 0.0, 0.0], top]], colors=[style.REFERENCE], radii=[scale * 0.0012]
+        )
         ball = rr.Ellipsoids3D(
-            centers=[top], radii=[0.007], colors=[style.REFERENCE], fill_mode="solid"
+            centers=[top], radii=[scale * 0.007], colors=[style.REFERENCE], fill_mode="solid"
         )
         self._draw("marker/pole", pole)
         self._draw("marker/ball", ball)
-        arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[0.0025])
+        arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[scale * 0.0025])
         text = rr.Points3D.from_fields(
             colors=[style.WORDS], radii=rr.Radius.ui_points([0.0]), show_labels=True
         )
@@ -85,7 +89,7 @@ class Target:
 
     def _draw_place(self, name: str, corners_m: FloatArray) -> None:
         line = np.vstack([corners_m, corners_m[:2]])  # two more, so that the last corner is whole
-        border = ribbon([line], PLACE_WIDTH_M, BORDER_HEIGHT_M, style.REFERENCE)
+        border = ribbon([line], self._scale * PLACE_WIDTH_M, BORDER_HEIGHT_M, style.REFERENCE)
         self._draw(f"place_{name}/border", border)
         self._draw(f"place_{name}/area", area(corners_m, PLACE_HEIGHT_M, style.REFERENCE_PLACE))
 
@@ -126,7 +130,7 @@ class Target:
         now = np.stack([rows.q[:, 0, :2], curves.trailer_com_m[:, 0]], axis=1)[known]
         said = np.isfinite(wanted).all(axis=-1)
         columns = rr.Arrows3D.columns(
-            origins=lift(wanted[said], PIN_HEIGHT_M, self._relief),
+            origins=lift(wanted[said], self._scale * PIN_HEIGHT_M, self._relief),
             vectors=lift((now - wanted)[said], 0.0),
         ).partition(said.sum(axis=1))
         self._send(miss_paths(self._root)[0], rows.time_s[known], columns)
@@ -135,7 +139,7 @@ class Target:
         """How far off they are, over the robot."""
         errors = np.stack([curves.tractor_error_m[told, 0], curves.trailer_error_m[told, 0]], 1)
         columns = rr.Points3D.columns(
-            positions=lift(rows.q[told, 0, :2], TEXT_HEIGHT_M, self._relief),
+            positions=lift(rows.q[told, 0, :2], self._scale * TEXT_HEIGHT_M, self._relief),
             labels=[miss_text(*e) for e in errors],
         )
         self._send(miss_paths(self._root)[1], rows.time_s[told], columns)

@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 
 from ttwmr_mj.errors import InputError, MachineError
 
+MAGIC = b"RRF"  # that recordings begin with
 LOOPBACK = "127.0.0.1"
 WEB_PORT, GRPC_PORT = 9090, 9876  # rerun's own; others where these are taken
 PROGRAMS = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
@@ -158,8 +159,16 @@ def find_recording(given: Path | None) -> Path:
     """The .rrd a user means: a file, a run folder, or the newest under results/.
 
     Raises:
-        InputError: there is none.
+        InputError: there is none, or what is there is none.
     """
+    recording = _named(given)
+    with recording.open("rb") as file:
+        if not file.read(len(MAGIC)).startswith(MAGIC):
+            raise InputError(f"{recording}: no recording of Rerun, or a damaged one")
+    return recording
+
+
+def _named(given: Path | None) -> Path:
     if given is None:
         found = sorted(Path("results").glob("**/*.rrd"), key=lambda path: path.stat().st_mtime)
         if not found:

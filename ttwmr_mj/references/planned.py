@@ -23,6 +23,8 @@ from ttwmr_mj.state import FloatArray
 
 ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
+LARGEST = 1e6  # m, rad or s
+SHORTEST_S = 1e-3  # between knots
 LENGTH_TOLERANCE_M = 1e-4  # of lengths below; a wrong swing length moves F by the difference
 ONE_LENGTH, LENGTHS = "swing_length_m", "lengths_m"  # header entries of one trailer, of several
 PLANS = "`ttwmr plan` writes such files; shipped plans have no ending"
@@ -82,15 +84,22 @@ class Knots:
         if given is None or "ends" not in notes:
             raise ValueError(f"it lacks the header entry {'ends' if given else ONE_LENGTH}")
         lengths = np.array([float(length) for length in given.split()])
-        names = columns(math.isqrt(lengths.size))
+        count = math.isqrt(lengths.size)
+        if count == 0 or count**2 != lengths.size or not np.isfinite(lengths).all():
+            raise ValueError(f"its header entry {LENGTHS} is not n² lengths of n trailers")
+        names = columns(count)
         if notes["ends"] not in ENDS:
             raise ValueError(f"its header entry ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
         rows = [line for line in lines if not line.startswith("#")]
+        if len(rows) < 2:
+            raise ValueError("it has no table")
         table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
         if table.ndim != 2 or table.shape[1] != len(names) or len(table) <= DEGREE:
             raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(names)}")
-        if not (np.isfinite(table).all() and (np.diff(table[:, 0]) > 0.0).all()):
-            raise ValueError("its numbers are not all finite, or its times do not increase")
+        if not (np.abs(table) <= LARGEST).all():
+            raise ValueError(f"its numbers are not all finite and below {LARGEST:g}")
+        if table[0, 0] != 0.0 or not (np.diff(table[:, 0]) >= SHORTEST_S).all():
+            raise ValueError(f"its times do not increase from 0 by {SHORTEST_S:g} s or more")
         return cls(table[:, 0], table[:, 1:], lengths, notes["ends"] == ENDS[0])
 
     @property
@@ -165,7 +174,7 @@ class Planned(Reference):
     def _other_robot(self, plan: Knots, robot: RobotParameters) -> list[Fault]:
         key, got, count = ("plan",), repr(self.plan), plan.q.shape[1] - 3
         lengths = motion_lengths(robot)
-        hint = "restore robot.trailer, or make a plan for this robot: `ttwmr plan`"
+        hint = "restore robot.trailers, or make a plan for this robot: `ttwmr plan`"
         if count != len(robot.trailers):
             problem = f"was made for {count} trailer{'s'[: count - 1]}, not {len(robot.trailers)}"
         elif np.abs(plan.lengths_m - lengths).max() <= LENGTH_TOLERANCE_M:
@@ -175,6 +184,8 @@ class Planned(Reference):
                 f"was made for a trailer with l + J2/(m2·l) = {plan.lengths_m[0]:g} m; this one "
                 f"has {lengths[0]:g} m"
             )
+            own = f"robot.trailer.com_offset_m={robot.trailer.com_offset_m:g}"
+            hint = f"restore robot.trailer, or plan anew: `ttwmr plan waypoints.csv --set {own}`"
         else:
             problem = (
                 "was made for trailers of other lengths, masses or hitches: A_ij/b_i differ by "

@@ -19,6 +19,7 @@ VerdictName = Literal[
     "diverged",
     "failed",
     "interrupted",
+    "killed",
 ]
 SLIPPING_M_S = 0.03  # of a wheel over the ground; creep of tyres that roll is a tenth of that
 END_SHARE = 0.2  # of the time is "the end": a lap of the shipped 30 s circles

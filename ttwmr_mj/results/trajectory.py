@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import InputError, MachineError, of_system
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -155,14 +155,36 @@ class Trajectory:
 
         try:
             table = pq.read_table(path)
-        except (OSError, pa.ArrowInvalid) as error:
-            raise InputError(f"cannot be read as a trajectory: {error}", file=str(path)) from error
-        angles = [re.fullmatch(r"theta(\d+)_rad", name) for name in table.column_names]
+        except (OSError, ValueError, pa.ArrowException) as error:
+            reason = of_system(error) if isinstance(error, OSError) else str(error).splitlines()[0]
+            raise InputError(f"cannot be read as a trajectory: {reason}", file=str(path)) from error
+        return cls.of_table(table, str(path))
+
+    @classmethod
+    def of_table(cls, table: pa.Table, file: str) -> Trajectory:
+        """The trajectory that `to_table` made a table of.
+
+        Args:
+            table: of one simulation.
+            file: where it is from, for the error.
+
+        Raises:
+            InputError: it lacks a column or has no rows, a column holds no numbers, or its times
+                do not increase.
+        """
+        names = table.column_names
+        angles = [re.fullmatch(r"theta(\d{1,2})_rad", name) for name in names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
         known = column_names(width)
-        if missing := [n for n in known if n not in {*table.column_names, *FOOTING}]:
-            raise InputError(f"not a trajectory: it lacks {', '.join(missing)}", file=str(path))
-        columns = {name: table[name].to_numpy()[:, None] for name in table.column_names}
+        if missing := [n for n in known if n not in {*names, *FOOTING}]:
+            cut = [*missing[:5], *(["and others"] if missing[5:] else [])]
+            raise InputError(f"not a trajectory: it lacks {', '.join(cut)}", file=file)
+        if twice := [name for name in names if names.count(name) > 1]:
+            raise InputError(f"not a trajectory: {twice[0][:100]} is there twice", file=file)
+        columns = {name: _numbers(table[name], name, file) for name in names}
+        rising = np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0
+        if not rising.size or not rising.all():
+            raise InputError("not a trajectory: its times do not increase", file=file)
         unknown = np.full((table.num_rows, 1), np.nan)
         columns |= {name: unknown for name in FOOTING if name not in columns}
         rows: dict[str, Any] = {
@@ -260,3 +282,16 @@ def physics_rate_table(
     names = ("time_s", *q_names(width), *rate_names(width), *wheel_names("rad_s"))
     values = np.column_stack([time_s, state.q, state.q_rate, wheel_speed_rad_s])
     return _table(dict(zip(names, values.T, strict=True)))
+
+
+def _numbers(column: Any, name: str, file: str) -> Any:
+    """(n, 1) of a column, NaN where it has none."""
+    import pyarrow as pa
+
+    kind = column.type
+    if pa.types.is_boolean(kind) and not column.null_count:
+        return column.to_numpy()[:, None]
+    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
+        problem = f"not a trajectory: its column {name[:100]} holds no numbers"
+        raise InputError(problem, file=file)
+    return column.cast(pa.float64()).to_numpy()[:, None]

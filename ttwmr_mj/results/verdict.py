@@ -27,6 +27,7 @@ from ttwmr_mj.state import FloatArray
 # name → in words, and when a run gets it; of several the first
 VERDICTS: dict[VerdictName, tuple[str, str]] = {
     "interrupted": ("interrupted", "it was stopped by the user"),
+    "killed": ("killed", "its process was killed; `ttwmr score` sums up what is left of it"),
     "failed": ("failed", "physics or the controller broke, or the controller took too long"),
     "diverged": ("diverged", "the state left all bounds"),
     "no_reference": ("no reference", "there was nothing to follow"),

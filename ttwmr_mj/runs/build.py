@@ -1,5 +1,6 @@
 """From a scenario to the objects of a run."""
 
+import os
 from collections import defaultdict
 from pathlib import Path
 from typing import Any
@@ -10,13 +11,15 @@ from ttwmr_mj.config import rows_of
 from ttwmr_mj.controllers.base import Controller
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.influence import DRY, influence_of
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.side_by_side import SideBySide
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.hitched import has_spring
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.runs.deadline import limited
+from ttwmr_mj.runs.laws import START_LIMIT, leave_if_forked
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
@@ -141,7 +144,15 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
     Raises:
         InputError: it is a custom one that cannot be made.
     """
-    law = scenario.controller.make(folder)
+    process, limit_s = os.getpid(), scenario.control.controller_start_limit_s
+    try:
+        with limited(limit_s):
+            law = scenario.controller.make(folder)
+    except Overrun:
+        problem = f"importing and making the law timed out after {limit_s:g} s"
+        raise InputError.at("controller", problem, hint=START_LIMIT) from None
+    finally:
+        leave_if_forked(process)
     if scenario.control.inner_loop != "computed_torque":
         return law
     from ttwmr_mj.controllers.shared.computed_torque import ComputedTorque
@@ -168,7 +179,7 @@ def make_sensor(
     if section.kind == "truth":
         return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
-    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.vision.camera.drawn import build_drawn_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
     calibration_rng, camera_rng = rngs[0].spawn(2)
@@ -176,7 +187,7 @@ def make_sensor(
         section,
         find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
         scenario.believed_robot,
-        build_model(scenario.robot, scenario.plant.contact),
+        build_drawn_model(scenario.robot, scenario.plant.contact),
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,
@@ -202,6 +213,9 @@ def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int
         q[3:], rate[3:] = q[2], rate[2]
     q[:4] += [start.x_offset_m, start.y_offset_m, start.theta1_offset_rad, start.theta2_offset_rad]
     q[4:] += start.more_trailers_offset_rad or 0.0
+    # P moves along the heading that the tractor has: wheels do not start sliding sideways
+    c, s = np.cos(start.theta1_offset_rad), np.sin(start.theta1_offset_rad)
+    rate[:2] = c * rate[0] - s * rate[1], s * rate[0] + c * rate[1]
     return RobotState(q=np.tile(q, (nsim, 1)), q_rate=np.tile(rate, (nsim, 1)))
 
 

@@ -7,16 +7,25 @@ one while the process is stopped or gets no processor.
 
 import signal
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
 from time import perf_counter, thread_time
 from types import FrameType
 from typing import Any, Self
 
+from ttwmr_mj.errors import Overrun, described
+
 AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
 PATIENCE = 15.0  # limits that may pass waiting
 
+# for whoever watches this process: the limit of the body under way, or 0; how many there were
+_board: Any = memoryview(bytearray(16)).cast("d")
 
-class Overrun(BaseException):
-    """The limit has passed. Not an Exception, so that `except Exception` does not swallow it."""
+
+def show_on(board: Any) -> None:
+    """Show on this memory from now on what is under way; at least two floats."""
+    global _board
+    _board = board
 
 
 class Deadline:
@@ -54,6 +63,8 @@ class Deadline:
 
     def __enter__(self) -> Self:
         self._began_s, self._began_cpu_s = perf_counter(), thread_time()
+        _board[1] += 1.0
+        _board[0] = self.limit_s
         self._running, self._rings = True, 0
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, self.limit_s, AGAIN_S)
@@ -61,6 +72,7 @@ class Deadline:
 
     def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         self._running = False  # before the timer is stopped, which may have rung already
+        _board[0] = 0.0
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
         waited = not self._timed and perf_counter() - self._began_s > PATIENCE * self.limit_s
@@ -77,3 +89,28 @@ class Deadline:
 
     def _computed_too_long(self) -> bool:
         return thread_time() - self._began_cpu_s > self.limit_s
+
+
+def described_within(limit_s: float, error: BaseException) -> str:
+    """`errors.described`, of an exception whose text may never come."""
+    try:
+        with limited(limit_s):
+            return described(error)
+    except Overrun:
+        return f"{type(error).__name__} (whose text took more than {limit_s:g} s)"
+
+
+@contextmanager
+def limited(limit_s: float) -> Iterator[None]:
+    """A deadline for one body.
+
+    Raises:
+        Overrun: it took longer.
+    """
+    deadline = Deadline(limit_s)
+    deadline.arm()
+    try:
+        with deadline:
+            yield
+    finally:
+        deadline.disarm()

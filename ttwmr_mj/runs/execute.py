@@ -6,17 +6,18 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
-from ttwmr_mj.runs.background import Background
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.metrics import metrics_of, write_result
-from ttwmr_mj.runs.pace import Pace, behind
-from ttwmr_mj.runs.report import details_text, figure_title, result_text, summary
+from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.runs.records import Progress, Records
+from ttwmr_mj.runs.report import details_text, figure_title, result_text
+from ttwmr_mj.runs.signals import held_back
 from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
@@ -25,13 +26,9 @@ from ttwmr_mj.state import RobotState
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
     from ttwmr_mj.recording.live import LiveView
-    from ttwmr_mj.recording.run_recorder import RunRecorder
-    from ttwmr_mj.vision.coco import FrameExport
-    from ttwmr_mj.vision.sensor import CameraSensor
 
 LOOP_PARTS = ("plant", "sensing", "controller", "loop")
 PHYSICS_FILE = "physics.parquet"
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,10 +74,12 @@ def run_scenario(
     Raises:
         InputError: the scenario cannot be built.
     """
+    given, folder = folder, folder.absolute()  # a law of the user's may change the directory
     experiment = Experiment(scenario, scenario_folder)
-    return run_experiment(
+    done = run_experiment(
         experiment, folder, command_line=command_line, progress=progress, live=live, pace=pace
     )
+    return replace(done, folder=given)
 
 
 def run_experiment(
@@ -107,33 +106,37 @@ def run_experiment(
     """
     pace = pace or Pace()
     watch = Stopwatch()
-    scenario = experiment.scenario
-    write_resolved(folder, scenario)
-    write_manifest(folder, scenario, command_line or [])
+    write_resolved(folder, experiment.scenario, experiment.folder)
+    write_manifest(folder, experiment.scenario, command_line or [])
     contact = _physics_rate_plant(experiment)
     if contact:
         contact.keep_physics_rate()
-    watch.lap("setup")
-    frames = _frame_export(scenario, folder)
-    result = _simulate(experiment, folder, frames, progress, live, pace, replayed)
-    if replayed is not None:
-        scenario = result.scenario
-        write_resolved(folder, scenario)
-    if frames is not None:
-        frames.finish()
-    watch.lap("recording")
-    shares = _shares(watch, result)
-    metrics = metrics_of(result, scenario, sum(shares.values()))
-    write_result(folder, result.trajectory, metrics)
-    if contact:
-        time_s, states, wheels = contact.physics_rate_states()
-        state = RobotState(states.q[0], states.q_rate[0])
-        write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
-    watch.lap("files")
+    with ExitStack() as ending, Records(experiment, folder, pace, live, progress) as records:
+        watch.lap("setup")
+        result = experiment.run(records.report, pace=pace)
+        ending.enter_context(held_back())  # until metrics.json says that the run is whole
+        records.wait()
+        result = _finished(experiment, records, result, pace, replayed)
+        watch.lap("recording")
+        shares = _shares(watch, result)
+        if replayed is not None:
+            write_resolved(folder, result.scenario, experiment.folder)
+        if contact:
+            _write_physics(contact, folder)
+        metrics = metrics_of(result, result.scenario, sum(shares.values()))
+        write_result(folder, result.trajectory, metrics)
+        records.rows.delete()
+        watch.lap("files")
     if len(result.trajectory) > 1:
-        _draw(result.trajectory, scenario, metrics, folder)
+        _draw(result.trajectory, result.scenario, metrics, folder)
     watch.lap("figures")
     return Run(folder, result.outcomes[0], metrics, {**watch.parts, **shares}, pace.told())
+
+
+def _write_physics(contact: ContactPlant, folder: Path) -> None:
+    time_s, states, wheels = contact.physics_rate_states()
+    state = RobotState(states.q[0], states.q_rate[0])
+    write_parquet(physics_rate_table(time_s, state, wheels[0]), folder / PHYSICS_FILE)
 
 
 def _draw(
@@ -170,112 +173,18 @@ def _shares(watch: Stopwatch, result: Result) -> dict[str, float]:
     return {"setup": watch.parts["setup"], **loop, "recording": recording_s}
 
 
-def _simulate(
+def _finished(
     experiment: Experiment,
-    folder: Path,
-    frames: FrameExport | None,
-    progress: Progress | None,
-    live: LiveView | None,
+    records: Records,
+    result: Result,
     pace: Pace,
     replayed: Callable[[Result], Scenario] | None,
 ) -> Result:
-    """Run, with a recorder open if one is wanted: the recording is readable whatever happens."""
-    scenario = experiment.scenario
-    with ExitStack() as stack:
-        recorders: list[RunRecorder] = []  # one, once it is open, or none
-
-        def close() -> None:
-            for recorder in recorders:
-                recorder.close()
-
-        stack.callback(close)
-        background = stack.enter_context(Background())
-        if scenario.output.recording:  # opened beside the loop, which takes some 50 ms
-            background.do(lambda: recorders.append(_recorder(experiment, folder, pace, live)))
-        report = _reporter(experiment, background, recorders, frames, progress, pace)
-        result = experiment.run(report, pace=pace)
-        background.wait()
-        if replayed is not None:
-            scenario = replayed(result)
-            asked = demands_of(scenario, experiment.reference)
-            result = replace(result, scenario=scenario, demands=asked)
-        for recorder in recorders:
-            wall_time_s = sum(result.wall_time_s.values())
-            metrics = metrics_of(result, scenario, wall_time_s)
-            recorder.finish(result_text(scenario, metrics, pace.told()), details_text(metrics))
+    """Complete the recording; the result, of the scenario that the files tell."""
+    if replayed is not None:
+        scenario = replayed(result)
+        asked = demands_of(scenario, experiment.reference)
+        result = replace(result, scenario=scenario, demands=asked)
+    metrics = metrics_of(result, result.scenario, sum(result.wall_time_s.values()))
+    records.finish(result_text(result.scenario, metrics, pace.told()), details_text(metrics))
     return result
-
-
-def _reporter(
-    experiment: Experiment,
-    background: Background,
-    recorders: list[RunRecorder],
-    frames: FrameExport | None,
-    progress: Progress | None,
-    pace: Pace,
-) -> Callable[[Trajectory], None]:
-    """What is done with the new rows of a run, and with the frames of its camera."""
-    reported = 0
-
-    def report(rows: Trajectory) -> None:
-        nonlocal reported
-        late = behind(pace.lag_s[reported : reported + len(rows)])
-        reported += len(rows)
-        camera = None
-        if experiment.scenario.sensing.kind == "camera":
-            camera = cast("CameraSensor", experiment.sensor)
-        records = [] if camera is None else camera.drain_log()
-
-        def record() -> None:
-            for recorder in recorders:
-                recorder.append(rows)
-                if late:
-                    recorder.append_pace(rows.time_s, late)
-                if camera is not None:
-                    recorder.append_camera(camera.trackers[0].camera, camera.layout, records)
-            if frames is not None and camera is not None:
-                frames.add(camera.layout, records)
-
-        background.do(record)
-        if progress is not None and len(rows):
-            progress(float(rows.time_s[-1]))
-
-    return report
-
-
-def _frame_export(scenario: Scenario, folder: Path) -> FrameExport | None:
-    """Where the camera's frames go, if they are wanted; the loader refuses the wish without one."""
-    if not scenario.output.save_frames:
-        return None
-    from ttwmr_mj.vision.coco import FrameExport
-
-    return FrameExport(folder / "frames")
-
-
-def _recorder(
-    experiment: Experiment, folder: Path, pace: Pace, live: LiveView | None
-) -> RunRecorder:
-    """The recording of this run, open and still without rows."""
-    from ttwmr_mj.recording.run_recorder import RunRecorder
-
-    scenario = experiment.scenario
-    return RunRecorder(
-        folder / "run.rrd",
-        model=_drawable_model(experiment),
-        robot=scenario.robot,
-        reference=experiment.reference,
-        name=scenario.name,
-        summary_markdown=summary(scenario),
-        camera=scenario.sensing.kind == "camera",
-        paced=bool(pace.speed),
-        live=live,
-    )
-
-
-def _drawable_model(experiment: Experiment) -> Any:
-    """The MjModel to draw: the plant's own, or one of the same robot for the analytic plant."""
-    if hasattr(experiment.plant, "model"):
-        return experiment.plant.model
-    from ttwmr_mj.plants.mjcf import build_model
-
-    return build_model(experiment.scenario.robot, experiment.scenario.plant.contact)

@@ -59,7 +59,12 @@ class Result:
 
 
 class Experiment:
-    """One scenario made ready to run, once or several times side by side."""
+    """One scenario made ready to run, once or several times side by side.
+
+    Attributes:
+        scenario: what is run.
+        folder: where a custom controller is looked for first.
+    """
 
     def __init__(
         self,
@@ -81,8 +86,9 @@ class Experiment:
             InputError: it cannot be built.
         """
         self.scenario = scenario
+        self.folder = (folder or Path()).absolute()  # whatever a law of the user's does
         self._simulations = Simulations(
-            [scenario] * nsim, folder or Path(), draws=range(nsim), controller=controller
+            [scenario] * nsim, self.folder, draws=range(nsim), controller=controller
         )
 
     @property

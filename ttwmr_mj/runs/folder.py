@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.files import write_json, write_text
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.file import dump_scenario
@@ -23,27 +23,11 @@ def results_folder(name: str, suffix: str | int) -> Path:
     return Path("results") / name / f"{stamp}-{suffix}"
 
 
-def open_folder(folder: Path, force: bool) -> None:
-    """Make a folder for results.
-
-    Args:
-        folder: must be empty or absent.
-        force: use it although it holds something; files of the same name are replaced.
-
-    Raises:
-        InputError: the folder holds something, or cannot be made.
-    """
-    try:
-        if not force and folder.is_dir() and any(folder.iterdir()):
-            hint = "give another one, or --force to write into it"
-            raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(folder)) from error
-
-
-def write_resolved(folder: Path, scenario: Scenario) -> None:
-    """scenario.resolved.toml: every value that was used."""
+def write_resolved(folder: Path, scenario: Scenario, beside: Path) -> None:
+    """scenario.resolved.toml: every value that was used; `beside` is where a law was looked for."""
+    if isinstance(scenario.controller, CustomOptions):
+        law = scenario.controller.placed(beside)
+        scenario = scenario.model_copy(update={"controller": law})
     head = "# Every value that was used, defaults included. Runs as it is.\n\n"
     write_text(folder / "scenario.resolved.toml", head + dump_scenario(scenario))
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
-import math
-import re
-from collections.abc import Collection, Container, Iterable
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Collection, Container
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
-from ttwmr_mj.errors import InputError, described
-from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.errors import InputError, Overrun
+from ttwmr_mj.runs.answers import Answers, is_sane, strange
+from ttwmr_mj.runs.deadline import Deadline, described_within
 from ttwmr_mj.sensing import Estimate
 
-SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]*")
-TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
+START_LIMIT = "limit: control.controller_start_limit_s"
+
+
+def leave_if_forked(process: int) -> None:
+    """End a process that a law has forked off this one, and that came back from it."""
+    if os.getpid() != process:
+        os._exit(1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +53,7 @@ class Laws:
         self,
         parts: list[Part],
         nsim: int,
-        limit_s: float,
+        limits_s: tuple[float, float],
         taken: Collection[str] = (),
         *,
         torque_input: bool = False,
@@ -58,14 +63,16 @@ class Laws:
         Args:
             parts: together they have every simulation once.
             nsim: simulations.
-            limit_s: CPU time of an answer for one simulation; a batch asks for many at once.
+            limits_s: CPU time of a start and of an answer, for one simulation; a batch asks for
+                many at once.
             taken: names that signals must not have.
             torque_input: whether wheel torques are needed, beside the speeds.
         """
-        self._parts, self._nsim, self._limit_s = parts, nsim, limit_s
-        self._taken, self._torque_input = taken, torque_input
-        self._names: tuple[str, ...] | None = None
-        self.deadline = Deadline(limit_s)
+        self._parts, self._nsim = parts, nsim
+        self._start_limit_s, self._limit_s = limits_s
+        self._answers = Answers(taken, torque_input)
+        self.deadline = Deadline(self._limit_s)
+        self._process = os.getpid()
 
     def start(self) -> list[Broken]:
         """Start them; who breaks ends before its first command.
@@ -75,13 +82,19 @@ class Laws:
         """
         broken = []
         for part in self._parts:
+            self.deadline.limit_s = limit_s = part.who.size * self._start_limit_s
             try:
-                part.controller.start(part.task)
+                with self.deadline:
+                    part.controller.start(part.task)
             except (InputError, KeyboardInterrupt):
                 raise
             except BaseException as error:  # a law of the user's may raise anything
-                reason = f"controller.start() raised {described(error)}"
+                reason = f"controller.start() raised {described_within(limit_s, error)}"
+                if isinstance(error, Overrun):
+                    reason = f"controller.start() timed out after {limit_s:g} s ({START_LIMIT})"
                 broken.append(Broken(part.who.tolist(), reason, error))
+            finally:
+                leave_if_forked(self._process)
         return broken
 
     def command(
@@ -106,8 +119,8 @@ class Laws:
                 broken.append(answer)
                 continue
             answers.append((part.who, answer))
-            if not math.isfinite(_sum(answer)):  # one number shows a NaN or infinity in any
-                broken += _not_finite(part.who, answer, ended)
+            if not is_sane(answer):
+                broken += _without_sense(part.who, answer, ended)
         if not answers:
             return None, broken
         command = answers[0][1] if len(self._parts) == 1 else self._joined(answers)
@@ -115,60 +128,29 @@ class Laws:
 
     def _ask(self, part: Part, k: int, estimate: Estimate) -> Command | Broken:
         self.deadline.limit_s = part.who.size * self._limit_s
-        seen = estimate if len(self._parts) == 1 else estimate.of(part.who)
+        # what a law does to the arrays that it was given is nobody else's business
+        seen = estimate.copy() if len(self._parts) == 1 else estimate.of(part.who)
         try:
             with self.deadline:
-                command = part.controller.command(k, seen)
-            if self._torque_input:
-                command = _with_torques_logged(command, part.who.size)
-            self._check(command, part.who.size)
+                answer = part.controller.command(k, seen)
+                return self._answers.checked(answer, part.who.size)
         except KeyboardInterrupt:  # of the user, who is not to be ignored
             raise
         except BaseException as error:
             time_s = k * part.task.sampling_time_s
             return Broken(part.who.tolist(), _broken(error, time_s, self.deadline.limit_s), error)
-        return command
-
-    def _check(self, command: Command, nsim: int) -> None:
-        """An answer must be wheel speeds of the right shape, and the same signals every time."""
-        shape = np.shape(command.wheel_speed_rad_s)
-        if shape != (nsim, 2):
-            raise ValueError(f"wheel speeds have shape {shape}, allowed: ({nsim}, 2)")
-        for name in ("saturated", "near_singular"):
-            if np.shape(getattr(command, name)) != (nsim,):
-                got = np.shape(getattr(command, name))
-                raise ValueError(f"{name} has shape {got}, allowed: ({nsim},)")
-        if np.asarray(command.wheel_speed_rad_s).dtype.kind not in "fiu":
-            raise ValueError("wheel speeds are not real numbers")
-        if self._names is None:  # the first command says which signals there are
-            self._refuse_names(command.signals)
-            self._names = tuple(command.signals)
-        if command.signals.keys() != set(self._names):
-            raise ValueError(
-                f"the signals are {sorted(command.signals)}; at the first sample they were "
-                f"{sorted(self._names)}, and they must stay the same"
-            )
-        for name, values in command.signals.items():
-            if np.shape(values) != (nsim,):
-                raise ValueError(f"signal {name} has shape {np.shape(values)}, allowed: ({nsim},)")
-
-    def _refuse_names(self, names: Iterable[str]) -> None:
-        for name in names:
-            if not SIGNAL_NAME.fullmatch(name) or name in self._taken:
-                raise ValueError(
-                    f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
-                    "with the unit at the end, and no name of another column"
-                )
+        finally:
+            leave_if_forked(self._process)
 
     def _joined(self, answers: list[tuple[NDArray[np.intp], Command]]) -> Command:
         """One command for all, zero for those without."""
-        nsim, names = self._nsim, self._names or ()
+        nsim, names = self._nsim, self._answers.names or ()
         joined = Command(
             np.zeros((nsim, 2)),
             saturated=np.zeros(nsim, dtype=np.bool_),
             near_singular=np.zeros(nsim, dtype=np.bool_),
             signals={name: np.full(nsim, np.nan) for name in names},
-            wheel_torque_n_m=np.zeros((nsim, 2)) if self._torque_input else None,
+            wheel_torque_n_m=np.zeros((nsim, 2)) if self._answers.torque_input else None,
         )
         for who, command in answers:
             joined.wheel_speed_rad_s[who] = command.wheel_speed_rad_s
@@ -181,44 +163,24 @@ class Laws:
         return joined
 
 
-def _sum(command: Command) -> float:
-    torque = command.wheel_torque_n_m
-    return float(command.wheel_speed_rad_s.sum()) + (0.0 if torque is None else torque.sum())
-
-
-def _not_finite(who: NDArray[np.intp], command: Command, ended: Container[int]) -> list[Broken]:
-    """Whose wheel speeds or torques are not finite, each by itself."""
+def _without_sense(who: NDArray[np.intp], command: Command, ended: Container[int]) -> list[Broken]:
+    """Whose wheel speeds or torques are not finite or beyond all wheels, each by itself."""
     broken = []
-    torque = command.wheel_torque_n_m
-    given = {"wheel torques": torque, "wheel speeds": command.wheel_speed_rad_s}
     for i, simulation in enumerate(who.tolist()):
-        for name, values in given.items():
-            if values is None or simulation in ended or np.isfinite(values[i]).all():
-                continue
-            error = ValueError(f"{name} are not finite: {values[i : i + 1].tolist()}")
+        told = "" if simulation in ended else strange(command, i)
+        if told:
+            error = ValueError(told)
             broken.append(Broken([simulation], _broken(error), error))
-            break
     return broken
-
-
-def _with_torques_logged(command: Command, nsim: int) -> Command:
-    """The command of a controller that must give wheel torques, these among its signals."""
-    torque = command.wheel_torque_n_m
-    if torque is None:
-        raise ValueError("there are no wheel torques, which control.inner_loop = 'torque' needs")
-    if np.shape(torque) != (nsim, 2):
-        raise ValueError(f"wheel torques have shape {np.shape(torque)}, allowed: ({nsim}, 2)")
-    columns = dict(zip(TORQUE_SIGNALS, torque.T, strict=True))
-    return replace(command, signals={**command.signals, **columns})
 
 
 def _broken(error: BaseException, time_s: float = 0.0, limit_s: float = 0.0) -> str:
     """Why a controller gave no command, in words."""
     if isinstance(error, IndexError):
         hint = "; beyond its samples a reference goes on with task.reference.at(k)"
-        return f"controller.command() raised {described(error)}{hint}"
+        return f"controller.command() raised {described_within(limit_s or 1.0, error)}{hint}"
     if not isinstance(error, Overrun):
-        return f"controller.command() raised {described(error)}"
+        return f"controller.command() raised {described_within(limit_s or 1.0, error)}"
     return (
         f"the controller timed out after {limit_s:g} s at its sample at t = {time_s:.3f} s "
         "(limit: control.controller_time_limit_s)"

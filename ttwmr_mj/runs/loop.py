@@ -20,7 +20,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import BoolArray, RobotState
 
-Status = Literal["ok", "diverged", "failed", "interrupted"]
+Status = Literal["ok", "diverged", "failed", "interrupted", "killed"]
 Report = Callable[[Trajectory], None]
 TIPPED_RAD = 1.0  # no wheel of a robot so far tilted carries it any longer
 FLOWN_M = 0.3  # over the ground: whatever threw it, it is not driving
@@ -32,7 +32,8 @@ class Outcome:
 
     Attributes:
         status: "ok", "diverged" (the state left all bounds), "failed" (physics or the controller
-            failed, or the controller timed out), "interrupted" (Ctrl-C).
+            failed, or the controller timed out), "interrupted" (Ctrl-C), "killed" (as is known
+            afterwards).
         reason: why, in words; empty when ok.
         time_s: simulated time at the end.
         cause: the exception behind it, if there is one.
@@ -92,8 +93,18 @@ class Loop:
             InputError: from a law's start.
         """
         period = self.scenario.control.sampling_time_s
-        self._break_off(self.laws.start(), 0.0)
         self.laws.deadline.arm()
+        try:
+            self._break_off(self.laws.start(), 0.0)
+            self._drive(period)
+        finally:
+            self.laws.deadline.disarm()
+            self.sensor.close()
+        self.watch.lap("loop")
+        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
+
+    def _drive(self, period: float) -> None:
+        """Sample after sample."""
         try:
             for k in range(self.scenario.periods + 1):
                 if not self._hold(k * period):
@@ -105,17 +116,19 @@ class Loop:
                 if command is None:
                     break
                 self._advance(k, command)
+            self._report_rest()
         except KeyboardInterrupt:
             time_s = max(self.done - 1, 0) * period
             self._end_all(Outcome("interrupted", "stopped by the user", time_s))
-        finally:
-            self.laws.deadline.disarm()
-            self.sensor.close()
-        self.watch.lap("loop")
-        if self.report:
+            self._report_rest()
+
+    def _report_rest(self) -> None:
+        """Report the last rows, unless that was done."""
+        if self.report and self._reported < self.done:
+            self.watch.lap("loop")
             self.report(self.rows.rows(self._reported, self.done))
-        self.watch.lap("report")
-        self._end_all(Outcome("ok", "", max(self.done - 1, 0) * period))
+            self._reported = self.done
+            self.watch.lap("report")
 
     def _hold(self, time_s: float) -> bool:
         """Keep the pace; whether the run goes on."""

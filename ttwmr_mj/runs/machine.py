@@ -9,8 +9,15 @@ from pathlib import Path
 
 from ttwmr_mj.recording.viewer import display
 from ttwmr_mj.runs.folder import library_version
-from ttwmr_mj.vision.camera.gl import BACKENDS, DEBIAN_PACKAGES, probe
+from ttwmr_mj.vision.camera.gl import ANY, BACKENDS, DEBIAN_PACKAGES, asked_backend, probe
 
+# extra → the distribution that it is for
+EXTRAS = {
+    "planning": "casadi",
+    "reproduce": "sympy",
+    "video": "imageio-ffmpeg",
+    "cluster": "distributed",
+}
 VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 
 
@@ -26,9 +33,12 @@ def examine() -> tuple[str, bool]:
     lines += ["Libraries", *(f"  {n:24s} {found or 'MISSING'}" for n, found in versions.items())]
     if missing:
         lines.append(f"  install them: pip install {' '.join(missing)}")
+    lines += ["", "Extras, each for what it is named after", *_extras()]
     lines += ["", "OpenGL, to render camera frames (not needed with truth sensing)", *_opengl()]
     lines += ["", "Display, for windows (not needed to record)", *_display()]
     lines += ["", "Vulkan, for the Rerun viewer (not needed to record)", *_vulkan()]
+    if variables := _variables():
+        lines += ["", "Environment", *variables]
     return "\n".join(lines), not missing
 
 
@@ -38,18 +48,41 @@ def _required() -> list[str]:
     return [re.split(r"[<>=!~ ;\[]", line, maxsplit=1)[0] for line in wanted]
 
 
+def _extras() -> list[str]:
+    """What the user's extras bring, and how to install those that are missing."""
+    lines = []
+    for extra, name in EXTRAS.items():
+        found = library_version(name) or f"missing: pip install 'ttwmr-mj[{extra}]'"
+        lines.append(f"  {extra:11s} {name:14s} {found}")
+    return lines
+
+
 def _opengl() -> list[str]:
     found = {backend: probe(backend) for backend in BACKENDS}
     lines = [f"  {b:8s} {p.renderer or 'does not work: ' + p.fault}" for b, p in found.items()]
     if all(one.renderer is None for one in found.values()):
         lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
+    asked = asked_backend()
+    if asked not in (*BACKENDS, *ANY) or (asked in found and found[asked].renderer is None):
+        allowed = ", ".join(backend for backend, p in found.items() if p.renderer) or "none"
+        lines.append(
+            f"  MUJOCO_GL={asked} ends camera runs, and no others; unset it, or set what works "
+            f"here: {allowed}"
+        )
     return lines
+
+
+def _variables() -> list[str]:
+    """Those of the environment that libraries obey, and results must not."""
+    told = {"RERUN": "output.recording decides", "MPLBACKEND": "figures are files"}
+    found = {name: os.environ[name] for name in told if name in os.environ}
+    return [f"  {name}={value} changes nothing: {told[name]}" for name, value in found.items()]
 
 
 def _display() -> list[str]:
     if (found := display()) is not None:
         return [f"  {found}"]
-    return ["  none: look on in a browser, with ttwmr view --web or ttwmr run --live=web"]
+    return ["  none: watch in a browser, with ttwmr view --web or ttwmr run --live=web"]
 
 
 def _vulkan() -> list[str]:

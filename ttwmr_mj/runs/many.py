@@ -48,6 +48,7 @@ def run_into_folders(runs: Sequence[Placed]) -> None:
     Raises:
         InputError: one of them cannot be built, or its law cannot start; which, is not said.
     """
+    runs = [run._replace(folder=run.folder.absolute()) for run in runs]
     for run in runs:
         shutil.rmtree(run.folder, ignore_errors=True)  # half a run, or one of something else
         run.folder.mkdir(parents=True)
@@ -55,8 +56,8 @@ def run_into_folders(runs: Sequence[Placed]) -> None:
         scenario, folder, words, beside = runs[0]
         run_scenario(scenario, folder, scenario_folder=beside, command_line=list(words))
         return
-    for scenario, folder, words, _ in runs:
-        write_resolved(folder, scenario)
+    for scenario, folder, words, beside in runs:
+        write_resolved(folder, scenario, beside)
         write_manifest(folder, scenario, list(words))
     results = run_batch([run.scenario for run in runs], runs[0].beside, nthread=1)
     for (scenario, folder, _, _), result in zip(runs, results, strict=True):

@@ -12,6 +12,14 @@ from ttwmr_mj.runs.experiment import Result
 from ttwmr_mj.runs.judged import frame_metrics, judged
 from ttwmr_mj.scenario.schema import Scenario
 
+MEASURED = (  # in metrics.json, and different whenever a run is repeated
+    "control_time_per_sample_us",
+    "control_overruns",
+    "control_slowest_s",
+    "wall_time_s",
+    "real_time_factor",
+)
+
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
@@ -49,4 +57,9 @@ def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
 def write_result(folder: Path, trajectory: Trajectory, metrics: dict[str, Any]) -> None:
     """What a run of one simulation is judged by; metrics that are there tell that all is."""
     write_parquet(trajectory.to_table(), folder / "trajectory.parquet")
+    write_metrics(folder, metrics)
+
+
+def write_metrics(folder: Path, metrics: dict[str, Any]) -> None:
+    """metrics.json."""
     write_json(folder / "metrics.json", metrics)

@@ -5,8 +5,10 @@ from pathlib import Path
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.controllers.shared.source import inspected
-from ttwmr_mj.errors import Fault, InputError, described
+from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
+from ttwmr_mj.runs.deadline import described_within, limited
+from ttwmr_mj.runs.laws import START_LIMIT
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -22,16 +24,21 @@ def law_faults(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
     if not isinstance(options, CustomOptions):
         return []
     if not load:
-        return inspected(options.target, options.options, folder)
+        return inspected(options.target, options.options, folder / (options.folder or ""))
+    limit_s = scenario.control.controller_start_limit_s
     try:
         law = build.make_controller(scenario, folder)
-        law.start(_dry_task(scenario))
+        with limited(limit_s):
+            law.start(_dry_task(scenario))
     except InputError as error:
         return list(error.faults)
     except KeyboardInterrupt:
         raise
+    except Overrun:
+        problem = f"controller.start() timed out after {limit_s:g} s"
+        return [Fault(key=("controller", "target"), problem=problem, hint=START_LIMIT)]
     except BaseException as error:  # a user's law may raise anything
-        problem = f"controller.start() raised {described(error)}"
+        problem = f"controller.start() raised {described_within(limit_s, error)}"
         return [Fault(key=("controller", "target"), got=repr(options.target), problem=problem)]
     return []
 

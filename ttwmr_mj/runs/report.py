@@ -2,13 +2,14 @@
 
 from typing import Any
 
+from ttwmr_mj.errors import in_markdown
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.scenario.schema import Scenario
 
 # what a run is measured by: where the trailer goes if the reference says where, else where P goes
 HEADLINES = {
-    "steady_centre_of_oscillation_rmse_m": "trailer, rms error, 2nd half",
-    "steady_tractor_rmse_m": "tractor, rms error, 2nd half",
+    "steady_centre_of_oscillation_rmse_m": "trailer's F, rms error, 2nd half",
+    "steady_tractor_rmse_m": "P, rms error, 2nd half",
 }
 RESULT_ROWS = (
     ("steady_centre_of_oscillation_rmse_m", "trailer's F, rms error, 2nd half", 1e3, "mm"),
@@ -40,7 +41,7 @@ def summary(scenario: Scenario) -> str:
         "duration": f"{scenario.duration_s:g} s",
         "seed": str(scenario.seed),
     }
-    return f"# {scenario.name}\n\n{scenario.description}\n\n{_table('setting', rows)}"
+    return f"# {scenario.name}\n\n{in_markdown(scenario.description)}\n\n{_table('setting', rows)}"
 
 
 def results(metrics: dict[str, Any]) -> dict[str, str]:
@@ -104,8 +105,8 @@ def result_text(scenario: Scenario, metrics: dict[str, Any], pace: str = "") -> 
     lines = [
         f"# {verdict[0].upper()}{verdict[1:]}",
         f"## {number}" if number else "",
-        metrics["verdict_reason"],
-        scenario.description,
+        in_markdown(metrics["verdict_reason"]),
+        in_markdown(scenario.description),
         what_ran(scenario),
         pace,
     ]
@@ -121,7 +122,11 @@ def figure_title(scenario: Scenario, metrics: dict[str, Any]) -> list[str]:
 
 def details_text(metrics: dict[str, Any]) -> str:
     """The numbers of a run, for the recording."""
-    lines = (f"**{verdict_line(metrics)}**", headline(metrics), _table("result", results(metrics)))
+    lines = (
+        f"**{in_markdown(verdict_line(metrics))}**",
+        headline(metrics),
+        _table("result", results(metrics)),
+    )
     return "\n\n".join(filter(None, lines))
 
 

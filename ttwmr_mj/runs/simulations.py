@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections import defaultdict
 from collections.abc import Callable, Hashable, Sequence
 from functools import cached_property
@@ -123,14 +124,14 @@ class Simulations:
             self.sensor.keep_log()
         plant.reset(initial or self._initial())
         rows = self._blank_rows(drawable=drawable)
-        limit_s, torque_input = control.controller_time_limit_s, control.torque_input
+        limits_s = control.controller_start_limit_s, control.controller_time_limit_s
         taken = column_names(rows.q.shape[-1])
         commands = [build.generator(seed, "commands", draw) for seed, draw in self._seeds]
         loop = Loop(
             one,
             plant,
             self.sensor,
-            Laws(self._parts(), self.nsim, limit_s, taken, torque_input=torque_input),
+            Laws(self._parts(), self.nsim, limits_s, taken, torque_input=control.torque_input),
             rows,
             report,
             Actuation(control, one.steps_per_period, commands),
@@ -179,13 +180,17 @@ class Simulations:
         for law, group in self._laws:
             one = stacked([self.scenarios[i] for i in group])
             paths = [self._told[i] for i in group]
+            path = None if paths[0] is None else ReferencePath.beside(cast("Any", paths))
+            believed = one.believed_robot, one.believed_ground
+            if one.controller.alone:  # a law of the user's may change what it is given
+                believed = copy.deepcopy(believed)
             task = Task(
-                one.believed_robot,
-                None if paths[0] is None else ReferencePath.beside(cast("Any", paths)),
+                believed[0],
+                path.copy() if path is paths[0] and path is not None else path,
                 one.control.sampling_time_s,
                 len(group),
                 build.generator(self.scenarios[group[0]].seed, "controller"),
-                one.believed_ground,
+                believed[1],
                 one.believed_command_latency_s,
             )
             parts.append(Part(law, task, np.array(group)))

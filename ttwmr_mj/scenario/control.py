@@ -25,6 +25,12 @@ class ControlOptions(Config):
         "a law that plans may take a second, several on a busy machine. The limit in wall time is "
         "15 times as long, for a controller that waits",
     )
+    controller_start_limit_s: float = Field(
+        default=60.0,
+        gt=0,
+        le=86_400,
+        description="the same for importing and making a law, and for starting it",
+    )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
         description="what drives the wheels; velocity_servo: servos that follow the law's wheel "

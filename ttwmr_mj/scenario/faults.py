@@ -44,7 +44,8 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
         case "extra_forbidden":
             known = list(table["properties"])
             problem = f"unknown key{_meant(keys, table, root)}"
-            return Fault(key=keys, problem=problem, allowed=", ".join(known))
+            hint = _of_another_kind(keys, error["loc"], root)
+            return Fault(key=keys, problem=problem, allowed=", ".join(known), hint=hint)
         case "string_pattern_mismatch" if "description" in value:
             told = value["description"]  # of what it is, and then of what it may hold
             return Fault(key=keys, got=shown(got), allowed=told.partition(": ")[2] or told)
@@ -83,6 +84,21 @@ def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:
     }
     found = best_by_meaning(word, here | inside)
     return f" (did you mean {found!r}?)" if found else ""
+
+
+def _of_another_kind(keys: Keys, location: Keys, root: type[BaseModel]) -> str:
+    """How to change a section's kind, where a key is one of another kind's; else empty."""
+    schema: Node = _schema(root)
+    section = _place(location[:-2], root)[2]  # a pydantic location ends with tag and key
+    members = section.get("discriminator", {}).get("mapping", {})
+    kind, others = location[-2] if len(location) > 1 else "", set[str]()
+    for name in members:
+        others |= _resolved({"$ref": members[name]}, schema)["properties"].keys()
+    if kind not in members or keys[-1] not in others:
+        return ""
+    table = ".".join(map(str, keys[:-1]))
+    whole = f"--set '{table}={{kind=\"{kind}\"}}'"
+    return f"it belongs to another kind; to change the kind give its whole table: {whole}"
 
 
 def _text(node: Node, schema: Node) -> str:

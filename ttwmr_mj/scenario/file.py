@@ -1,6 +1,7 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
+from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
 
@@ -8,6 +9,7 @@ import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.files import is_file, parse_toml, read_toml
 from ttwmr_mj.robot import merged
@@ -33,10 +35,18 @@ def find_scenario(name_or_path: str) -> Path:
         return shipped[path.stem]
     problem = "no such scenario file, and no shipped scenario of that name"
     missing = Fault(
-        problem=f"{problem}{suggestion(path.stem, list(shipped))}",
-        hint=f"shipped: {', '.join(shipped)}",
+        problem=f"{problem}{_near(path, list(shipped))}", hint=f"shipped: {', '.join(shipped)}"
     )
     raise InputError(missing, file=name_or_path)
+
+
+def _near(path: Path, shipped: list[str]) -> str:
+    """A hint at a file beside the one that is not there, or else at a scenario that is shipped."""
+    with suppress(OSError):  # such a folder need not be there, nor be one
+        beside = sorted(str(path.with_name(file.name)) for file in path.parent.glob("*.toml"))
+        if hint := suggestion(str(path), beside):
+            return hint
+    return suggestion(path.stem, shipped)
 
 
 def load_scenario(
@@ -194,6 +204,8 @@ def _unset(where: str, **words: str) -> InputError:
 def dump_scenario(scenario: Scenario) -> str:
     """Every value of a scenario as TOML, defaults included; loads back to an equal scenario."""
     data = scenario.model_dump(mode="json")
+    if isinstance(scenario.controller, CustomOptions):  # they may be what JSON lacks: inf, dates
+        data["controller"]["options"] = scenario.controller.options
     believed = {key: value for key, value in data.pop("belief").items() if value not in ({}, None)}
     if believed:  # a table that is empty would read as if something were believed
         data["belief"] = believed

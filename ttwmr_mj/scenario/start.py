@@ -40,7 +40,9 @@ class OnReference(Config):
         default=0.0, description="offset of P in y from the reference; typically 0.1"
     )
     theta1_offset_rad: Angle = Field(
-        default=0.0, description="offset of the tractor's heading from the reference; typically 0.2"
+        default=0.0,
+        description="offset of the tractor's heading, and with it of its velocity, from the "
+        "reference; typically 0.2",
     )
     theta2_offset_rad: Angle = Field(
         default=0.0,

@@ -1,11 +1,15 @@
 """What `ttwmr calibrate` does: a board shown to a simulated or a real camera."""
 
+import math
+import warnings
 from pathlib import Path
+from typing import cast
 
 import cv2
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import write_bytes
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.vision.calibration.board import board_print
@@ -17,7 +21,9 @@ from ttwmr_mj.vision.calibration.calibrate import (
 )
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
+from ttwmr_mj.vision.quiet import quiet
 
+MOST_PIXELS = 30_000_000  # of a picture: it takes seconds to search
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -76,16 +82,16 @@ def write_board(path: Path) -> None:
     """Write the board as a picture to print.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: no such format.
+        OSError: the file cannot be written.
     """
     try:
-        written = cv2.imwrite(str(path), board_print())
+        encoded, content = cv2.imencode(path.suffix, board_print())
     except cv2.error:  # no such format
-        written = False
-    if not written:
-        raise InputError.at(
-            "--board", f"{path} cannot be written", hint="give a .png in an existing folder"
-        )
+        encoded = False
+    if not encoded:
+        raise InputError.at("--board", got=str(path), allowed=f"a file that ends in {PICTURES[0]}")
+    write_bytes(path, content.tobytes())
 
 
 def _pictures(folder: Path) -> dict[Path, Image]:
@@ -93,12 +99,32 @@ def _pictures(folder: Path) -> dict[Path, Image]:
     paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in PICTURES)
     images = {}
     for path in paths:
-        image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+        image = _picture(path)
         if image is None:
-            unreadable = Fault(problem="cannot be read as an image", hint="PNG and JPEG work")
+            unreadable = Fault(
+                problem="cannot be read as an image",
+                hint="PNG and JPEG of up to 30 megapixels work",
+            )
             raise InputError(unreadable, file=str(path))
         images[path] = np.asarray(image, dtype=np.uint8)
     return images
+
+
+def _picture(path: Path) -> Image | None:
+    """The image, of reasonable size; None if it cannot be read as that."""
+    from PIL import Image as Pillow
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of damaged and of enormous pictures
+            with Pillow.open(path) as image:
+                if math.prod(image.size) > MOST_PIXELS:
+                    return None
+                image.load()  # OpenCV takes 4 GB where a damaged PNG says that it is so long
+        with quiet():
+            return cast("Image | None", cv2.imread(str(path), cv2.IMREAD_COLOR))
+    except Exception:  # libraries raise anything of pictures that are damaged or enormous
+        return None
 
 
 def _size(image: Image) -> str:

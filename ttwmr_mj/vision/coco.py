@@ -12,7 +12,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from ttwmr_mj.files import write_text
+from ttwmr_mj.files import write_bytes, write_text
 from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS, TRACTOR_CLASS, Frame, FrameTruth, Image
 from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
 from ttwmr_mj.vision.log import CameraRecord
@@ -78,8 +78,9 @@ class FrameExport:
         image = {"id": number, "file_name": name, "width": columns, "height": rows}
         self._images.append({**image, "time_s": frame.time_s})
         self._annotations.append(annotation(truth, classes, number))
-        cv2.imwrite(str(self._folder / "images" / name), frame.image)
-        cv2.imwrite(str(self._folder / "masks" / name), classes)
+        for kind, picture in (("images", frame.image), ("masks", classes)):
+            _, content = cv2.imencode(".png", picture)
+            write_bytes(self._folder / kind / name, content.tobytes())
 
 
 def annotation(truth: FrameTruth, classes: Image, number: int) -> dict[str, Any]:

@@ -11,8 +11,10 @@ import numpy as np
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.quiet import quiet
 
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate
+MOST_RATE_HZ = 1e5  # no camera's: a damaged header's
 
 
 @contextmanager
@@ -25,7 +27,8 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
     if not source.isdecimal() and not Path(source).is_file():
         missing = Fault(problem="no such video file", hint="give a file or a camera's index")
         raise InputError(missing, file=source)
-    stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+    with quiet():
+        stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
     try:
         if not stream.isOpened():
             unreadable = Fault(
@@ -51,9 +54,10 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
 def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
     """A stream's frames until one cannot be read; the first is at time zero."""
     rate = stream.get(cv2.CAP_PROP_FPS)
-    rate_hz = rate if rate > 0 else DEFAULT_RATE_HZ
+    rate_hz = rate if 0 < rate <= MOST_RATE_HZ else DEFAULT_RATE_HZ
     for number in count():
-        readable, image = stream.read()
+        with quiet():
+            readable, image = stream.read()
         if not readable:
             return
         yield Frame(np.asarray(image, dtype=np.uint8), number / rate_hz, truth=None)

@@ -2,9 +2,9 @@
 
 from copy import copy
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.results.frame import PlaneFrame
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import read_layout

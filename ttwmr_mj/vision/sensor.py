@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 
 import cv2
-import mujoco
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
 from ttwmr_mj.state import THETA2, FloatArray, RobotState

@@ -27,17 +27,18 @@ class Bench(Quiet, name="bench"):
     )
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.folder import open_folder, results_folder
+        from ttwmr_mj.runs.folder import results_folder
+        from ttwmr_mj.runs.new_folder import make_folder
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
-        from ttwmr_mj.studies.bench.scoring import collect
+        from ttwmr_mj.studies.bench.scoring import collect, told_damaged
         from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
         suite = load_suite(self.suite)
         folder = self.out or results_folder("bench", suite.name)
         not_run: dict[str, str] = {}
         if not self.rescore:
-            open_folder(folder, force=True)
+            make_folder(folder)
             not_run = self._run(suite, folder)
             if len(not_run) == len(rows_of(suite)):
                 raise RunError(_told(not_run))
@@ -48,6 +49,8 @@ class Bench(Quiet, name="bench"):
         print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
         if not_run:
             raise RunError(_told(not_run))
+        if board.damaged:
+            raise RunError(told_damaged(board.damaged))
         return 0
 
     def _run(self, suite: Suite, folder: Path) -> dict[str, str]:

@@ -5,6 +5,7 @@ from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line
+from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError
 
 
@@ -35,6 +36,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
         from ttwmr_mj.studies.compare import Options, compare_scenario, plain
 
         scenario = self.load(self.scenario)
+        supervise(scenario)
         options = Options(
             mode=self.mode,
             real_wheels=self.real_wheels,
@@ -51,8 +53,8 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
             raise InputError.at("--live", problem, hint="leave one of them out")
         pace = self.make_pace()
         self.check_recording(scenario)
-        folder = self.open_folder(f"{scenario.name}-compared", scenario.seed)
-        with self.live_view() as live:
+        opened = self.new_folder(f"{scenario.name}-compared", scenario.seed)
+        with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
                 done = compare_scenario(
                     scenario,

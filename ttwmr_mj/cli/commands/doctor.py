@@ -1,6 +1,7 @@
 """`ttwmr doctor`: what this machine can do."""
 
 from ttwmr_mj.cli.engine import Subcommand
+from ttwmr_mj.errors import printable
 
 
 class Doctor(Subcommand, name="doctor"):
@@ -10,5 +11,5 @@ class Doctor(Subcommand, name="doctor"):
         from ttwmr_mj.runs.machine import examine
 
         text, healthy = examine()
-        print(text)
+        print(printable(text))
         return 0 if healthy else 1

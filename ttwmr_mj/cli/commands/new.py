@@ -37,8 +37,9 @@ class New(Subcommand, name="new"):
         return 0
 
     def _write(self, files: dict[str, str]) -> None:
-        from ttwmr_mj.files import write_text
+        from ttwmr_mj.files import together, write_text
 
         self.out.mkdir(parents=True, exist_ok=True)
-        for file, text in files.items():
-            write_text(self.out / file, text)
+        with together(self.out / file for file in files):
+            for file, text in files.items():
+                write_text(self.out / file, text)

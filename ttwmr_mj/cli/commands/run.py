@@ -4,7 +4,8 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line, warn
-from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.cli.supervisor import supervise
+from ttwmr_mj.errors import InputError, RunError, printable
 
 if TYPE_CHECKING:
     from ttwmr_mj.runs import execute
@@ -31,12 +32,13 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         wished = {"save_frames": self.save_frames, "paper_plots": self.paper_plots}
         wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
+        supervise(scenario)
         if not self.quiet:
             warn(foretold(scenario))
         pace = self.make_pace()
         self.check_recording(scenario)
-        folder = self.open_folder(scenario.name, scenario.seed)
-        with self.live_view() as live:
+        opened = self.new_folder(scenario.name, scenario.seed)
+        with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
                 done = run_scenario(
                     scenario,
@@ -80,7 +82,10 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 def _print_run(run: "execute.Run") -> None:
     from ttwmr_mj.runs.report import headline, results_table, verdict_line
 
-    print("\n".join(filter(None, [verdict_line(run.metrics), headline(run.metrics)])) + "\n")
+    print(
+        "\n".join(filter(None, [printable(verdict_line(run.metrics)), headline(run.metrics)]))
+        + "\n"
+    )
     print(results_table(run.metrics))
     speed = f"{run.metrics['real_time_factor']:.3g} ×"
     print(f"{'simulated by wall time':33s} {speed:>12s}  real_time_factor")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Quiet, command_line, warn
-from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.errors import InputError, RunError, printable
 
 if TYPE_CHECKING:
     from ttwmr_mj.studies.sweep.compute import Compute
@@ -104,7 +104,7 @@ class Sweep(Quiet, name="sweep"):
         from ttwmr_mj.studies.sweep.plan.checks import checked_text
         from ttwmr_mj.studies.sweep.words import duration, estimated_time_s, plan_text
 
-        print(f"{plan_text(plan)}\n\nchecked: {checked_text(plan)}")
+        print(printable(f"{plan_text(plan)}\n\nchecked: {checked_text(plan)}"))
         time_s = estimated_time_s(plan, self.workers or os.cpu_count() or 1)
         told = "unknown" if time_s is None else f"about {duration(time_s)} on this machine"
         print(f"time: {told}")
@@ -155,7 +155,10 @@ class Sweep(Quiet, name="sweep"):
         start, stop = part.rows(plan)
         try:
             with sweep_progress(plan.name, stop - start, self.quiet) as told:
-                return fill(plan, folder, self._compute(), part=part, chunk=self.chunk, told=told)
+                compute = self._compute()
+                return fill(
+                    plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn
+                )
         except KeyboardInterrupt:
             again = shlex.join(command_line())
             raise RunError(
@@ -185,7 +188,7 @@ class Sweep(Quiet, name="sweep"):
                 f"{plan.name}: part {part.index}/{part.count}, rows {start} to {stop - 1}, is done "
                 f"in {folder}\njoin the parts: ttwmr sweep --merge DIR DIR ... --out DIR"
             )
-        print(folder if self.quiet else told)
+        print(folder if self.quiet else printable(told))
 
     def _record(self, plan: Plan, folder: Path, wish: Wish) -> None:
         from ttwmr_mj.studies.sweep.record import record

@@ -23,8 +23,8 @@ class TrackCommand(NewFolder, Live, name="track"):
 
         robot = load_scenario(self.scenario).robot
         pace = self.make_pace()
-        folder = self.open_folder("track", Path(self.source).stem)
-        with self.live_view() as live:
+        opened = self.new_folder("track", Path(self.source).stem)
+        with opened as folder, self.live_view() as live:
             with progress_bar("tracking", self.frames, "frames", self.quiet) as progress:
                 done = track(
                     self.source,

@@ -7,14 +7,15 @@ from typing import TYPE_CHECKING
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.cli.supervisor import supervise
+from ttwmr_mj.errors import InputError, printable
 
 if TYPE_CHECKING:
     from ttwmr_mj.scenario.schema import Scenario
 
 
 class Validate(Overrides, name="validate"):
-    """Check scenario files and print nothing if they are valid."""
+    """Check scenario files; of valid ones with a shipped law nothing is printed."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
     run_code: bool = option(
@@ -49,9 +50,13 @@ class Validate(Overrides, name="validate"):
         from ttwmr_mj.scenario.file import find_scenario
 
         file = find_scenario(name)
+        if self.run_code:
+            supervise(scenario)
         faults = law_faults(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
+        target = getattr(scenario.controller, "target", "")
         if scenario.controller.kind == "custom" and not self.run_code:
-            target = getattr(scenario.controller, "target", "")
-            print(f"{name}: {target} was read, not run; --load imports and starts it")
+            print(f"{printable(name)}: {target} was read, not run; --load imports and starts it")
+        elif scenario.controller.kind == "custom":
+            print(f"{printable(name)}: {target} was imported and started")

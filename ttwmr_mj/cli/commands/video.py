@@ -5,6 +5,7 @@ from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.errors import RunError
 
 
 class VideoCommand(Quiet, name="video"):
@@ -26,7 +27,7 @@ class VideoCommand(Quiet, name="video"):
         from ttwmr_mj.runs.progress import progress_bar
 
         with progress_bar(self.out.name, 100.0, "%", self.quiet) as progress:
-            make_video(
+            lacks = make_video(
                 self.run,
                 self.out,
                 view=self.view,
@@ -37,4 +38,6 @@ class VideoCommand(Quiet, name="video"):
             )
         if not self.quiet:
             print(f"written to {self.out}")
+        if lacks:
+            raise RunError(lacks)
         return 0

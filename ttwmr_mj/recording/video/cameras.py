@@ -2,31 +2,36 @@
 
 from collections.abc import Callable
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.recording.video.footage import Footage
-from ttwmr_mj.state import THETA1, FloatArray
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 CALM_S = 1.2  # over how long the chasing camera turns
 DISTANCE_M, ELEVATION_DEG = 0.5, -28.0
+LONGER = 1.0  # farther away by so much of what a train is longer than one trailer
 
 Camera = Callable[[int], mujoco.MjvCamera]
 
 
 def chase(footage: Footage) -> Camera:
     """Behind the robot, a little aside, and calm: it turns slower than the robot does."""
-    q = footage.q
+    q, robot = footage.q, footage.scenario.robot
     step_s = float(footage.time_s[1] - footage.time_s[0]) if len(q) > 1 else 1.0
     heading = _calm(q[:, THETA1], CALM_S / step_s)
-    place = np.column_stack([_calm(q[:, i], 0.25 * CALM_S / step_s) for i in range(2)])
-    scale = footage.scenario.robot.looks_scale
+    tows_m = [trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers[:-1]]
+    middle = q[:, :2].copy()  # between P and the last hitch
+    for tow_m, angle in zip(tows_m, q[:, THETA2:].T, strict=False):
+        middle -= 0.5 * tow_m * np.column_stack([np.cos(angle), np.sin(angle)])
+    place = np.column_stack([_calm(middle[:, i], 0.25 * CALM_S / step_s) for i in range(2)])
+    scale = robot.looks_scale
     back = 0.09 * scale * np.column_stack([np.cos(heading), np.sin(heading)])
 
     def at(frame: int) -> mujoco.MjvCamera:
         return _camera(
             (*(place - back)[frame], 0.03 * scale),
-            DISTANCE_M * scale,
+            DISTANCE_M * scale + LONGER * sum(tows_m),
             float(np.degrees(heading[frame])) - 32.0,
             ELEVATION_DEG,
         )

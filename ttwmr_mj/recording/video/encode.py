@@ -1,13 +1,15 @@
 """Frames into a video file: MP4 (H.264), WebM (VP9) or an animated GIF."""
 
+import subprocess
 from collections.abc import Iterable
+from contextlib import suppress
 from pathlib import Path
-from tempfile import TemporaryDirectory
+from tempfile import TemporaryDirectory, TemporaryFile
 from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import InputError, MachineError, RunError
 from ttwmr_mj.vision.camera.frame import Image
 
 FORMATS: dict[str, dict[str, Any]] = {
@@ -56,7 +58,8 @@ def write_video(path: Path, frames: Iterable[Image], size_px: tuple[int, int], f
 
     Raises:
         InputError: no such format.
-        MachineError: no encoder, or it fails.
+        MachineError: no encoder.
+        RunError: the encoder fails, as on a full disk.
     """
     suffix = check_format(path)
     with TemporaryDirectory(prefix=".video-", dir=path.parent) as folder:
@@ -77,33 +80,48 @@ def _encode(
     fps: float,
     settings: dict[str, Any],
 ) -> None:
-    import imageio_ffmpeg
-
-    writer = imageio_ffmpeg.write_frames(
-        str(path), size_px, fps=fps, quality=None, macro_block_size=2, **settings
-    )
-    writer.send(None)
-    try:
-        for frame in frames:
-            writer.send(np.ascontiguousarray(frame))
-    except OSError as error:
-        raise MachineError(f"the video encoder fails: {error}") from error
-    finally:
-        writer.close()
+    """Raises RunError if the encoder fails, which its exit code alone tells for sure."""
+    raw = ["-f", "rawvideo", "-pix_fmt", "rgb24", "-s", "{}x{}".format(*size_px), "-r", f"{fps}"]
+    coded = ["-an", "-vcodec", settings["codec"], "-pix_fmt", "yuv420p"]
+    command = [*_ffmpeg(), *raw, "-i", "-", *coded, *settings.get("output_params", ()), str(path)]
+    with (
+        TemporaryFile() as words,
+        subprocess.Popen(
+            command,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            stderr=words,
+            start_new_session=True,  # Ctrl-C is ours
+        ) as encoder,
+    ):
+        assert encoder.stdin is not None
+        try:
+            with suppress(BrokenPipeError):  # it has ended, and says why
+                for frame in frames:
+                    encoder.stdin.write(np.ascontiguousarray(frame).data)
+                encoder.stdin.close()
+        except BaseException:
+            encoder.kill()
+            raise
+        encoder.wait()
+        words.seek(0)
+        _check(encoder.returncode, words.read())
 
 
 def _to_gif(source: Path, path: Path) -> None:
     """Read the film twice, once for its colours: neither pass has to keep it in memory."""
-    import subprocess
+    command = [*_ffmpeg(), "-i", str(source), "-i", str(source), "-lavfi", GIF_FILTER, str(path)]
+    done = subprocess.run(command, capture_output=True, check=False)
+    _check(done.returncode, done.stderr)
 
+
+def _ffmpeg() -> list[str]:
     import imageio_ffmpeg
 
-    command = [imageio_ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", source, "-i", source]
-    done = subprocess.run(
-        [*map(str, command), "-lavfi", GIF_FILTER, str(path)],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        raise MachineError(f"the video encoder fails: {done.stderr.strip()}")
+    return [imageio_ffmpeg.get_ffmpeg_exe(), "-y", "-v", "error"]
+
+
+def _check(code: int, words: bytes) -> None:
+    if code:
+        lines = words.decode(errors="replace").strip().splitlines() or [f"exit code {code}"]
+        raise RunError(f"the video encoder failed, no video is left: {lines[-1]}")

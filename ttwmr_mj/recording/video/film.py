@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from ttwmr_mj.files import variable
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N
+from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.encode import check_format, write_video
@@ -44,7 +45,7 @@ def make_video(
     start_s: float = 0.0,
     stop_s: float | None = None,
     progress: Callable[[float], None] | None = None,
-) -> None:
+) -> str:
     """Write a video of a run.
 
     Args:
@@ -55,6 +56,9 @@ def make_video(
         start_s: simulated time of the first frame.
         stop_s: of the last one; None: the run's end.
         progress: called with the share that is done.
+
+    Returns:
+        What of the run could not be read and is not shown, in words; empty: nothing.
 
     Raises:
         InputError: no such run or format.
@@ -69,6 +73,7 @@ def make_video(
         write_video(out, _frames(film, len(footage.time_s), shrink, progress), size_px, FPS[suffix])
     finally:
         film.close()
+    return footage.lacks
 
 
 def _frames(
@@ -156,14 +161,15 @@ class Film:
         if np.isfinite(self._footage.rows.ref_q[:, 0, 0]).any():
             entries.insert(0, ("reference", style.REFERENCE_BAND))
         if self._footage.arrows_m.shape[1] and self._stage is not None:
-            length_mm = 1e3 * FORCE_SCALE_M_N
-            entries.append((f"contact forces, 1 N = {length_mm:.0f} mm", style.FORCE))
+            length_mm = 1e3 * force_scale_m_n(self._footage.scenario.robot)
+            entries.append((f"contact forces, 1 N = {length_mm:g} mm", style.FORCE))
         return entries
 
 
 def _font(size: int, *, bold: bool = False) -> FreeTypeFont:
     """A font that every machine with matplotlib has."""
-    import matplotlib
+    with variable("MPLBACKEND", None):
+        import matplotlib
     from PIL import ImageFont
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"

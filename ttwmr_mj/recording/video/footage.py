@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, described
 from ttwmr_mj.results.curves import Curves, trailer_com
+from ttwmr_mj.results.row_stream import read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -29,6 +31,7 @@ class Footage:
         wheel_angle_rad: (n, 2) of the frames, right and left.
         arrows_m: (n, contacts, 2, 3) origins and vectors of the contact forces' arrows; no
             contacts where none were recorded.
+        lacks: what could not be read, in words; empty: nothing.
     """
 
     scenario: Scenario
@@ -37,6 +40,7 @@ class Footage:
     time_s: FloatArray
     wheel_angle_rad: FloatArray
     arrows_m: FloatArray
+    lacks: str = ""
 
     @classmethod
     def of(
@@ -54,12 +58,12 @@ class Footage:
         Raises:
             InputError: it is no run folder, or the run has no such times.
         """
-        if not (folder / "trajectory.parquet").is_file():
+        if not any(folder.glob("trajectory.*")):
             raise InputError(f"{folder}: no run folder, it has no trajectory.parquet")
         if not 0.0 < speed < float("inf"):
             raise InputError.at("--speed", got=f"{speed:g}", allowed="more than 0")
         scenario = load_scenario(str(folder / "scenario.resolved.toml"))
-        rows = Trajectory.read(folder / "trajectory.parquet")
+        rows = read_run(folder)
         alive = np.isfinite(rows.q[:, 0]).all(axis=1)
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         last_s = float(rows.time_s[-1]) if len(rows) else 0.0
@@ -70,13 +74,15 @@ class Footage:
         time_s = start_s + np.arange(0.0, stop_s - start_s + 1e-9, speed / fps)
         steps = np.diff(rows.time_s, prepend=rows.time_s[0])[:, None]
         turned = np.cumsum(rows.wheel_speed_rad_s[:, 0] * steps, axis=0)
+        arrows_m, lacks = _arrows(folder / "run.rrd", time_s)
         return cls(
             scenario,
             rows,
             Curves.of(rows, scenario.robot),
             time_s,
             _at(time_s, rows.time_s, turned),
-            _read_arrows(folder / "run.rrd", time_s),
+            arrows_m,
+            lacks,
         )
 
     def at(self, values: FloatArray) -> FloatArray:
@@ -103,6 +109,16 @@ class Footage:
 def _at(time_s: FloatArray, known_s: FloatArray, values: FloatArray) -> FloatArray:
     """Values (rows, m) at other times, interpolated; (n, m)."""
     return np.column_stack([np.interp(time_s, known_s, column) for column in values.T])
+
+
+def _arrows(recording: Path, time_s: FloatArray) -> tuple[FloatArray, str]:
+    """The arrows of the forces; none, and why, where the recording is damaged."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # that a file has no table of contents
+            return _read_arrows(recording, time_s), ""
+    except Exception as error:  # whatever Rerun's reader makes of a file that is cut off
+        why = described(error).splitlines()[0]
+        return np.zeros((len(time_s), 0, 2, 3)), f"no forces, {recording} is damaged: {why}"
 
 
 def _read_arrows(recording: Path, time_s: FloatArray) -> FloatArray:

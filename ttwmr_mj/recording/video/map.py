@@ -66,7 +66,7 @@ class Map:
                 self._outline(picture, name, self._reference, frame)
         for name in self._shapes:
             corners = self._corners(name, self._now, frame)
-            cv2.fillPoly(picture, [corners], LINES[name], cv2.LINE_AA, SHIFT)
+            cv2.fillPoly(picture, [corners], _colour(name), cv2.LINE_AA, SHIFT)
             cv2.polylines(picture, [corners], True, EDGE, 1, cv2.LINE_AA, SHIFT)
         return picture
 
@@ -114,3 +114,8 @@ class Map:
         """OpenCV's coordinates of points on the floor: right and down, in sixteenths."""
         px = self._middle_px + (points_m - self._middle_m) * [self._scale, -self._scale]
         return np.asarray(np.rint(px * (1 << SHIFT)), dtype=np.int32)
+
+
+def _colour(chassis_name: str) -> Colour:
+    """Of the tractor, or of any trailer."""
+    return LINES["tractor" if chassis_name == "tractor" else "trailer"]

@@ -6,11 +6,12 @@ import os
 from itertools import pairwise
 from typing import Any
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import HEIGHT, Joints
 from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.outline import chassis
 from ttwmr_mj.plants.relief import Relief
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
@@ -30,10 +31,9 @@ PATHS: dict[str, tuple[float, float, Colour]] = {
 }
 DRIVEN = ("tractor", "trailer")
 THICKNESS_M = 2e-4
-LIFT_M = 0.1  # forces are drawn above the robot, inside it they cannot be seen
+LIFT_M = 0.1  # of Table I's robot: forces are drawn above the robot, inside it they cannot be seen
 ARROW_M = 0.004  # half the width of a force's arrow
 SHADE = (0.0, 0.0, 0.0, 0.22)
-SHADE_BODIES = ("tractor", "trailer")
 SHADE_MARGIN_M = 0.006
 MAX_GEOMS = 20_000
 
@@ -54,6 +54,7 @@ class Stage:
         """
         os.environ.setdefault("LP_NUM_THREADS", str(os.cpu_count() or 1))  # large pictures
         self._model = model = _model(footage.scenario, largest_px)
+        self._bodies = list(chassis(model).values())
         self._footage = footage
         self._data = mujoco.MjData(model)
         joints = Joints(model)
@@ -72,7 +73,7 @@ class Stage:
         self._option.geomgroup[:] = [1, 1, 1, 0, 0, 0]
         self._update(0)
         self._first_moving = self._scene.ngeom
-        self._first_still = self._first_moving + footage.arrows_m.shape[1] + len(SHADE_BODIES)
+        self._first_still = self._first_moving + footage.arrows_m.shape[1] + len(self._bodies)
         self._reached_s = self._draw_paths()
 
     def close(self) -> None:
@@ -84,15 +85,16 @@ class Stage:
         """Set the scene up as it is at a frame."""
         self._update(frame)
         scene, count = self._scene, self._first_moving
+        scale = self._footage.scenario.robot.looks_scale
         for origin, vector in self._footage.arrows_m[frame]:
             geom = scene.geoms[count]
             _look(geom, mujoco.mjtGeom.mjGEOM_ARROW, style.FORCE)
             kind = mujoco.mjtGeom.mjGEOM_ARROW
-            foot = origin + [0.0, 0.0, LIFT_M]
-            mujoco.mjv_connector(geom, kind, ARROW_M, foot, foot + vector)
+            foot = origin + [0.0, 0.0, scale * LIFT_M]
+            mujoco.mjv_connector(geom, kind, scale * ARROW_M, foot, foot + vector)
             count += 1
-        for name in SHADE_BODIES:
-            self._shade(scene.geoms[count], name)
+        for body in self._bodies:
+            self._shade(scene.geoms[count], body)
             count += 1
         now_s = self._footage.time_s[frame]
         driven = int(np.searchsorted(self._reached_s, now_s, side="right"))
@@ -117,9 +119,8 @@ class Stage:
             self._model, self._data, self._option, None, camera, everything, self._scene
         )
 
-    def _shade(self, geom: mujoco.MjvGeom, body: str) -> None:
+    def _shade(self, geom: mujoco.MjvGeom, at: int) -> None:
         """A dark place below a body, so that it stands on the floor."""
-        at = self._model.body(body).id
         turned = self._data.xmat[at].reshape(3, 3)
         low, high = _footprint(self._model, at)
         middle = self._data.xpos[at] + turned @ np.array([*(0.5 * (low + high)), 0.0])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ttwmr_mj.files import variable
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
@@ -56,7 +57,8 @@ def _draw(
     footage: Footage, width: int, height: int
 ) -> tuple[Image, list[tuple[int, int, int, int]]]:
     """The whole strip, and (left, right, top, bottom) of its plots in pixels."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    with variable("MPLBACKEND", None):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI, facecolor=PAPER)

@@ -58,6 +58,18 @@ class ReferencePath:
             flat_derivatives=None if flat is None else flat[:count],
         )
 
+    def copy(self) -> "ReferencePath":
+        """The same in arrays of its own."""
+        flat = self.flat_derivatives
+        return ReferencePath(
+            self.time_s.copy(),
+            self.derivatives.copy(),
+            self.theta.copy(),
+            self.theta_rate.copy(),
+            self.theta_acceleration.copy(),
+            None if flat is None else flat.copy(),
+        )
+
     def at(self, k: "int | NDArray[np.intp]") -> "Moment":
         """The motion at sample k, or at several (m,); beyond the last it goes on.
 

@@ -8,7 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json
+from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -16,8 +18,7 @@ from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, row
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.ingredients import made_of_run
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
-from ttwmr_mj.studies.pool.lock import locked
-from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept
+from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept, run_files
 
 BATCH = 16  # rows at once: what a kill may cost
 ENTRIES = ("ttwmr_mj.runs.many",)
@@ -34,12 +35,39 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     """The row.json of a finished run of this row, by the very same command; None if there is none.
 
     Whether the code and the files are still those of that run, only `run_suite` asks.
+
+    Raises:
+        ValueError: it is damaged.
     """
+    stored = _read_row(row, folder)
+    return stored if stored and stored["run"] == row.command() else None
+
+
+def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
+    """The row.json that is there; None if none is.
+
+    Raises:
+        ValueError: it is damaged.
+    """
+    path = row_folder(row, folder) / ROW_FILE
     try:
-        stored = json.loads((row_folder(row, folder) / ROW_FILE).read_text(encoding="utf-8"))
+        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         return None
-    return stored if stored.get("run") == row.command() else None
+    known = isinstance(stored, dict) and all(
+        isinstance(stored.get(key), str) for key in ("status", "reason", "verdict", "run")
+    )
+    if not known or stored["verdict"] not in VERDICTS:
+        raise ValueError(f"{ROW_FILE} does not say how the run ended")
+    return stored
+
+
+def _is_done(row: SuiteRow, kept: Kept, folder: Path) -> bool:
+    """Whether a row need not be run: its result is whole, and of what it would be made of."""
+    try:
+        return kept.is_done and _read_row(row, folder) is not None
+    except ValueError:
+        return False
 
 
 def run_suite(
@@ -74,7 +102,7 @@ def run_suite(
         told(_foretold(scenarios.values()))
     with locked(folder):
         kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
-        missing = [key for key in rows if not kept[key].is_done]
+        missing = [key for key in rows if not _is_done(rows[key], kept[key], folder)]
         for key in rows.keys() - set(missing):
             _rename_row(rows[key], folder)
         placed = [_placed(rows[key], scenarios[key], folder) for key in missing]
@@ -141,7 +169,8 @@ def _placed(row: SuiteRow, scenario: Scenario, folder: Path) -> Placed:
 
 def _kept(row: SuiteRow, scenario: Scenario, folder: Path) -> Kept:
     made_of = made_of_run(scenario, _beside(row), ENTRIES)
-    return Kept(made_of, row_folder(row, folder) / MADE_OF_FILE)
+    into = row_folder(row, folder)
+    return Kept(made_of, into / MADE_OF_FILE, run_files(into))
 
 
 def _beside(row: SuiteRow) -> Path:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+SMALLEST_MM = 1e-3  # smaller errors, as of the analytic plant without noise, are drawn there
 SPREAD = 0.62  # of a row's height that its controllers share
 
 
@@ -55,7 +56,7 @@ def _draw(figure: Figure, lines: list[Line], looks: dict[str, int]) -> None:
         i = looks[name]
         axes.plot([], [], MARKS[i % len(MARKS)], color=SERIES[i % len(SERIES)], label=name)
     medians = [line.statistic(RANKED_BY) for line in filter(_finite, lines)]
-    found = [one.median for one in medians if one is not None]
+    found = [max(one.median, SMALLEST_MM) for one in medians if one is not None]
     axes.set_xscale("log")
     axes.set_xlim(0.6 * min(found), 1.7 * max(found))
     plain_log(axes.xaxis, (min(found), max(found)))
@@ -63,7 +64,8 @@ def _draw(figure: Figure, lines: list[Line], looks: dict[str, int]) -> None:
     for edge in range(1, len(rows)):
         axes.axhline(edge - 0.5, color="#DDDDDD", linewidth=0.8)
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel(f"{RANKED_BY}; hollow: not every run followed")
+    left = f"; leftmost: {SMALLEST_MM:g} or less" if min(found) == SMALLEST_MM else ""
+    axes.set_xlabel(f"{RANKED_BY}{left}; hollow: not every run followed")
     legend_below(figure, columns=5, axes=axes)
 
 
@@ -74,5 +76,6 @@ def _point(axes: Axes, line: Line, y: float, look: int) -> None:
     fill = colour if not line.failed else "none"
     if error.low is not None and error.high is not None:
         high = min(error.high, 1e3 * error.median)
-        axes.plot([error.low, high], [y, y], color=colour, linewidth=1.1)
-    axes.plot(error.median, y, mark, color=colour, mfc=fill, markersize=4.5)
+        ends = [max(end, SMALLEST_MM) for end in (error.low, high)]
+        axes.plot(ends, [y, y], color=colour, linewidth=1.1)
+    axes.plot(max(error.median, SMALLEST_MM), y, mark, color=colour, mfc=fill, markersize=4.5)

@@ -3,6 +3,7 @@
 from pathlib import Path
 from typing import Any
 
+from ttwmr_mj.errors import in_markdown, printable
 from ttwmr_mj.files import write_parquet, write_text
 from ttwmr_mj.results.statistics import LEVEL, share
 from ttwmr_mj.studies.bench.evidence import SIGNIFICANCE
@@ -123,23 +124,32 @@ def to_markdown(board: Board, title: str) -> str:
     parts = [to_summary(board, title)]
     for (task, condition), members in sections(board.lines).items():
         parts.append(f"## {task} · {condition}\n\n{table([HEAD, *map(_cells, members)])}\n")
-        told = [f"- {x.names['controller']}, {text}" for x in members for text in sentences(x)]
+        told = [
+            f"- {x.names['controller']}, {in_markdown(text)}"
+            for x in members
+            for text in sentences(x)
+        ]
         parts += ["\n".join(told) + "\n"] if told else []
         commands = "\n".join(
-            f"{line.command}   # {line.manifest or ''}".rstrip() for line in members
+            _one_line(f"{line.command}   # {line.manifest or ''}".rstrip()) for line in members
         )
         parts.append(f"```sh\n{commands}\n```\n")
     return "\n".join(parts)
 
 
+def _one_line(command: str) -> str:
+    """As part of a block of code, which it cannot end."""
+    return printable(command).replace("\n", "\\n").replace("```", "\\`\\`\\`")
+
+
 def to_summary(board: Board, title: str) -> str:
     """Rules and overview alone."""
     rules = "\n".join(f"- {rule}" for rule in RULES)
-    parts = [f"# {title}\n", f"{status(board)}\n", f"{rules}\n", f"{CAPTION}\n"]
+    parts = [f"# {in_markdown(title)}\n", f"{status(board)}\n", f"{rules}\n", f"{CAPTION}\n"]
     told = failures(board.lines)
     for task, rows in overview(board.lines).items():
         parts.append(f"**{task}**\n\n{table(rows)}\n")
         if task in told:
-            listed = "\n".join(f"- {text}" for text in told[task])
+            listed = "\n".join(f"- {in_markdown(text)}" for text in told[task])
             parts.append(f"Not followed, by laws made for it, each with its first:\n\n{listed}\n")
     return "\n".join(parts)

@@ -2,10 +2,10 @@
 
 import json
 from collections import Counter, defaultdict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, RunError, described
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
@@ -28,11 +28,13 @@ class Board:
         lines: tasks apart; within one, fewer failures first, then the smaller error.
         rows: how many the suite has.
         made_by: version and commit → rows made by it; all together those that were run.
+        damaged: rows whose files cannot be read, and why; they count as not run.
     """
 
     lines: list[Line]
     rows: int
     made_by: Counter[str]
+    damaged: dict[str, str] = field(default_factory=dict)
 
 
 def collect(suite: Suite, folder: Path) -> Board:
@@ -42,31 +44,46 @@ def collect(suite: Suite, folder: Path) -> Board:
 
     Raises:
         InputError: there is no finished row.
+        RunError: there are some, and all are damaged.
     """
-    rows = rows_of(suite)
+    rows, damaged = rows_of(suite), dict[str, str]()
     groups: dict[tuple[str, ...], list[tuple[SuiteRow, Run]]] = defaultdict(list)
     made_by: Counter[str] = Counter()
     for row in rows:
-        scored = _scored(row, folder)
+        try:
+            scored = _scored(row, folder)
+        except Exception as error:  # whatever a damaged file, or a stranger's, makes of our readers
+            damaged[row.key] = described(error).splitlines()[0]
+            continue
         if scored is not None:
             groups[tuple(row.names[axis] for axis in AXES)].append((row, scored))
             made_by[_maker(row_folder(row, folder))] += 1
+    if not groups and damaged:
+        raise RunError(told_damaged(damaged))
     if not groups:
         problem = f"no finished runs of {suite.name} in it"
         raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
     order = {axis: list(getattr(suite, axis)) for axis in AXES}
     lines = [_line(group, folder) for group in groups.values()]
-    return Board(ranked(lines, order), len(rows), made_by)
+    return Board(ranked(lines, order), len(rows), made_by, damaged)
+
+
+def told_damaged(damaged: dict[str, str]) -> str:
+    """Which rows cannot be read, and what to do about it."""
+    count = "1 row is" if len(damaged) == 1 else f"{len(damaged)} rows are"
+    lines = (f"  {key}: {reason}" for key, reason in damaged.items())
+    head = f"{count} damaged and left out; without --rescore they are run again:"
+    return "\n".join([head, *lines])
 
 
 def _maker(folder: Path) -> str:
-    """Version and commit that made a run; unknown for one that never started."""
+    """Version and commit that made a run; unknown for one that never started, or does not say."""
     try:
         said = json.loads((folder / "manifest.json").read_text())
-    except FileNotFoundError:
+        commit, *dirty = (said["git_commit"] or "unknown").split("-", 1)
+        return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return "unknown"
-    commit, *dirty = (said["git_commit"] or "unknown").split("-", 1)
-    return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
 
 
 def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
@@ -114,6 +131,8 @@ def _judged(folder: Path) -> tuple[Metrics, Verdict]:
     trajectory = Trajectory.read(folder / "trajectory.parquet")
     stored = json.loads((folder / "metrics.json").read_text())
     key = "control_time_per_sample_us"
+    if not isinstance(stored[key], int | float):
+        raise InputError.at(key, got=repr(stored[key]), allowed="a number")
     numbers = {**score(judged(trajectory, scenario), scenario.robot)[0], key: stored[key]}
     demands = demands_of(scenario, sample_reference(scenario))
     return numbers, verdict_on(scenario, trajectory, demands)

@@ -4,12 +4,12 @@ import copy
 from collections.abc import Iterator
 from pathlib import Path
 
-import mujoco
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import Corner2D
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.recording import key, layout, style
 from ttwmr_mj.recording.floor import floor_corners, lift
@@ -17,7 +17,7 @@ from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import Range
 from ttwmr_mj.recording.live import LiveView
 from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import FORCE_SCALE_M_N, Scene, driven_paths
+from ttwmr_mj.recording.scene import Scene, driven_paths, force_scale_m_n
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column, widened
 from ttwmr_mj.recording.target import TEXT_HEIGHT_M, distance
 from ttwmr_mj.results.curves import Curves
@@ -32,7 +32,7 @@ GHOST = "world/analytic"  # the analytic model's robot
 GHOST_RGBA = (0.35, 0.78, 0.51, 0.25)
 GHOST_MARGIN_M = 0.0015  # the ghost is a shell around the robot, else the two flicker through
 MISS = "world/deviation"
-MISS_LONGEST_M = 0.15  # the largest deviation of the run is drawn this long
+MISS_LONGEST_M = 0.15  # of Table I's robot: the largest deviation of the run is drawn this long
 MISS_HEIGHT_M = 0.11  # above the robot's deck
 
 # tab → plot → title, curves
@@ -101,9 +101,8 @@ class ComparisonRecorder(RrdFile):
     """
 
     def __init__(self, path: Path, scenario: Scenario, live: LiveView | None = None) -> None:
-        self._name = scenario.name
-        super().__init__(path, f"{self._name}, compared", _blueprint(self._name), live)
-        self._robot = scenario.robot
+        super().__init__(path, f"{scenario.name}, compared", _blueprint(scenario), live)
+        self._scenario, self._robot = scenario, scenario.robot
         model = build_model(self._robot, scenario.plant.contact)
         floor_m = floor_corners(sample_reference(scenario))
         # without the reference's places: here the two robots are each other's reference
@@ -117,7 +116,7 @@ class ComparisonRecorder(RrdFile):
         self._real.append(contact, Curves.of(contact, self._robot))
         self._ghost.append(analytic, Curves.of(analytic, self._robot))
         self._plot(contact.time_s, _deviations(Deviation.between(contact, analytic)))
-        self._stream.flush()
+        self.flush()
 
     def finish(self, pair: Pair, result_markdown: str, details_markdown: str) -> None:
         """Record what can be told only of whole runs, and the reports."""
@@ -128,7 +127,7 @@ class ComparisonRecorder(RrdFile):
         _log_miss(self._stream, pair, time_column(time_s))
         self._plot(time_s, _residuals(pair))
         draw_key(self._stream, _key(pair))
-        self._stream.send_blueprint(_blueprint(self._name, pair))
+        self._show(_blueprint(self._scenario, pair))
 
     def _plot(self, time_s: FloatArray, values: dict[str, FloatArray]) -> None:
         for plots in TABS.values():
@@ -148,25 +147,31 @@ def _ghost_of(model: mujoco.MjModel) -> mujoco.MjModel:
 
 def _log_miss(stream: rr.RecordingStream, pair: Pair, now: rr.TimeColumn) -> None:
     """An arrow from the analytic P towards the contact robot's, enlarged for the eye."""
-    start = pair.analytic.q[:, 0, :2]
+    start, scale = pair.analytic.q[:, 0, :2], _scale(pair)
     miss = _factor(pair) * pair.deviation.q[:, :2]
-    arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[0.003])
+    arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[scale * 0.003])
     text = rr.Points3D.from_fields(
         colors=[style.WORDS], radii=rr.Radius.ui_points([0.0]), show_labels=True
     )
     stream.log(MISS, arrow, static=True)
     stream.log(f"{MISS}/text", text, static=True)
-    arrows = rr.Arrows3D.columns(origins=lift(start, MISS_HEIGHT_M), vectors=lift(miss, 0.0))
+    arrows = rr.Arrows3D.columns(
+        origins=lift(start, scale * MISS_HEIGHT_M), vectors=lift(miss, 0.0)
+    )
     stream.send_columns(MISS, [now], arrows)
     words = [f"P {distance(apart)} apart" for apart in pair.deviation.position_m]
-    texts = rr.Points3D.columns(positions=lift(start, TEXT_HEIGHT_M), labels=words)
+    texts = rr.Points3D.columns(positions=lift(start, scale * TEXT_HEIGHT_M), labels=words)
     stream.send_columns(f"{MISS}/text", [now], texts)
 
 
 def _factor(pair: Pair) -> float:
     """By which deviations are enlarged in the scene."""
     largest = float(pair.deviation.position_m.max())
-    return MISS_LONGEST_M / largest if largest > 0.0 else 1.0
+    return _scale(pair) * MISS_LONGEST_M / largest if largest > 0.0 else 1.0
+
+
+def _scale(pair: Pair) -> float:
+    return pair.contact.scenario.robot.looks_scale
 
 
 def _key(pair: Pair) -> list[Entry]:
@@ -175,7 +180,7 @@ def _key(pair: Pair) -> list[Entry]:
         key.TRAILER,
         ("analytic robot", style.ESTIMATE, 3.5),
         (f"deviation of P × {float(f'{_factor(pair):.2g}'):,.10g}", style.ALERT, 1.6),
-        (f"force, {FORCE_SCALE_M_N * 1e3:g} mm/N", style.FORCE, 1.6),
+        (f"force, {1e3 * force_scale_m_n(pair.contact.scenario.robot):g} mm/N", style.FORCE, 1.6),
     ]
 
 
@@ -198,19 +203,21 @@ def _residuals(pair: Pair) -> dict[str, FloatArray]:
     }
 
 
-def _blueprint(name: str, pair: Pair | None = None) -> rrb.Blueprint:
+def _blueprint(scenario: Scenario, pair: Pair | None = None) -> rrb.Blueprint:
     """The robots and the report on the left, what deviates on the right.
 
     Args:
-        name: of the scenario.
+        scenario: what is compared.
         pair: the two runs, once they are over: plots reach as far as their values.
     """
     scene = layout.scene_view(
         "Both robots; the analytic one is translucent",
-        layout.following_eye(),
+        layout.following_eye(scenario.robot.looks_scale),
         (*driven_paths(), *driven_paths(GHOST)),
     )
-    robots = rrb.Vertical(scene, layout.key_view(), layout.report_view(name), row_shares=[12, 1, 7])
+    robots = rrb.Vertical(
+        scene, layout.key_view(), layout.report_view(scenario.name), row_shares=[12, 1, 7]
+    )
     values: dict[str, FloatArray] = {}
     times_s = None
     if pair is not None:

@@ -110,7 +110,7 @@ def compare_scenario(
     unseen = _unseen(scenario, options) if options.fit else None
     file = options.tolerance
     tolerances = read_tolerances(file, known_numbers()) if file else {}
-    write_resolved(folder, scenario)
+    write_resolved(folder, scenario, (scenario_folder or Path()).absolute())
     write_manifest(folder, scenario, command_line or [])
     with ExitStack() as stack:
         recorder = None

@@ -50,7 +50,8 @@ def _code(text: str) -> Markup:
 POINTS_PER_REM = 12.0
 
 # Colours of matplotlib and of figures/style.py → what they are on a dark page
-_ADAPTED = {"#ffffff": "var(--paper)", "#dddddd": "var(--grid)"}
+# the first of the curves' colours is dark: it is lighter on dark paper
+_ADAPTED = {"#ffffff": "var(--paper)", "#dddddd": "var(--grid)", "#0072b2": "var(--blue)"}
 _ADAPTED |= dict.fromkeys(("#000000", "#222222"), "currentColor")
 
 

@@ -40,7 +40,7 @@ def made_of_run(
     """
     return {
         "scenario": scenario.model_dump(mode="json"),
-        "data": {shown_path(path): _digest(path) for path in sorted(set(data_files(scenario)))},
+        "data": {shown_path(path): digest(path) for path in sorted(set(data_files(scenario)))},
         "code": _code_of_run(scenario, folder or Path(), entries),
         "libraries": _libraries(LIBRARIES),
     }
@@ -66,7 +66,7 @@ def _libraries(names: tuple[str, ...]) -> dict[str, str | None]:
     return {"python": python, **{name: library_version(name) for name in names}}
 
 
-def _digest(path: Path) -> str | None:
+def digest(path: Path) -> str | None:
     """Of a file's bytes; None if there is none."""
     return hashlib.sha256(path.read_bytes()).hexdigest()[:16] if path.is_file() else None
 
@@ -114,6 +114,7 @@ def _scene_files(path: Path) -> Iterator[Path]:
 def _code_of_run(scenario: Scenario, folder: Path, runners: Sequence[str]) -> dict[str, str]:
     entries = [*runners, *_chosen(scenario)]
     if isinstance(scenario.controller, CustomOptions):
+        folder = folder / (scenario.controller.folder or "")
         entries.append(scenario.controller.target.partition(":")[0])
     own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)
     return code_of(entries, _follows(scenario), tuple(place for place in own if place))

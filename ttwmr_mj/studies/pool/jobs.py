@@ -17,12 +17,14 @@ import traceback
 from collections.abc import Callable, Generator, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import count, islice
+from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
 from time import monotonic
 from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError
+from ttwmr_mj.files import variable
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
@@ -109,6 +111,9 @@ def _context(preload: Sequence[str]) -> Any:
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["ttwmr_mj.studies.pool.preloaded"])
+    with variable("PYTHONSAFEPATH", "1"):  # started by `python -c`, which reads files lying about
+        resource_tracker.ensure_running()
+        forkserver.ensure_running()
     return context
 
 
@@ -174,8 +179,15 @@ class _Process:
 
     def _death(self, how: str) -> str:
         """How a process ended that did not answer, and its last words."""
-        words = self._log.read_text(errors="replace").strip() if self._log.is_file() else ""
+        words = _end_of(self._log).strip() if self._log.is_file() else ""
         return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
+
+
+def _end_of(log: Path) -> str:
+    """The last lines, of megabytes perhaps."""
+    with log.open("rb") as file:
+        file.seek(max(file.seek(0, os.SEEK_END) - 10_000, 0))
+        return file.read().decode(errors="replace")
 
 
 def _exit_name(code: int) -> str:

@@ -5,13 +5,15 @@ import math
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ttwmr_mj.files import write_json
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.pool.ingredients import Ingredients, differences, made_of_run
+from ttwmr_mj.studies.pool.ingredients import Ingredients, differences, digest, made_of_run
 from ttwmr_mj.studies.pool.jobs import Job
 
 MADE_OF_FILE = "made_of.json"
+RUN_FILES = ("scenario.resolved.toml", "manifest.json", "trajectory.parquet", "metrics.json")
 # what every run imports; Rerun is left out, which starts threads as it is imported
 PRELOAD = ("ttwmr_mj.runs.execute", "ttwmr_mj.plants.contact", "pyarrow.parquet")
 
@@ -22,19 +24,28 @@ class Kept:
 
     Attributes:
         made_of: what it will be made of.
-        mark: JSON of what the result that is there is made of; written last.
+        mark: JSON of what the result that is there is made of, with digests of its files; written
+            last.
+        files: of the result, those that are read again.
     """
 
     made_of: Ingredients
     mark: Path
+    files: tuple[Path, ...]
 
     def changes(self) -> list[str] | None:
-        """What the finished result differs in from what it would be; None if there is none."""
+        """What the finished result differs in from what it would be; None if there is none.
+
+        A file that was damaged or replaced since differs too.
+        """
         try:
             stored = json.loads(self.mark.read_text(encoding="utf-8"))
         except (OSError, ValueError):
             return None
-        return differences(stored, self.made_of)
+        return differences(stored, self._marked())
+
+    def _marked(self) -> dict[str, Any]:
+        return {**self.made_of, "files": {file.name: digest(file) for file in self.files}}
 
     @property
     def is_done(self) -> bool:
@@ -44,7 +55,7 @@ class Kept:
     def mark_done(self) -> None:
         """Say that the result is whole."""
         self.mark.parent.mkdir(parents=True, exist_ok=True)
-        write_json(self.mark, self.made_of)
+        write_json(self.mark, self._marked())
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,7 +86,12 @@ def run_task(
     )
     job = Job(name, make_run, arguments, timeout_s)
     made_of = made_of_run(scenario, scenario_folder)
-    return Work(made_of, folder / MADE_OF_FILE, job=job)
+    return Work(made_of, folder / MADE_OF_FILE, run_files(folder), job=job)
+
+
+def run_files(folder: Path) -> tuple[Path, ...]:
+    """Of a run, those that are read again."""
+    return tuple(folder / name for name in RUN_FILES)
 
 
 def make_run(

@@ -70,7 +70,7 @@ def _study_task(out: Path, name: str) -> Work:
     libraries = ("sympy",) if name == "proofs" else ("numpy", "scipy")
     made_of = made_of_study(getattr(study, "func", study).__module__, libraries)
     job = Job(name, do_study, (name, path.resolve()))
-    return Work(made_of, path.with_suffix(".made_of.json"), job=job)
+    return Work(made_of, path.with_suffix(".made_of.json"), (path,), job=job)
 
 
 def do_study(name: str, path: Path) -> None:

@@ -1,9 +1,12 @@
 """The whole reproduction: run what is missing, draw, judge, report."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.runs.lock import NAME as LOCK
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.progress import progress_bar
 from ttwmr_mj.scenario.faults import suggestion
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
@@ -44,8 +47,11 @@ def reproduce(out: Path, only: list[str] | None = None, *, quiet: bool = False) 
     needed = [FIGURES[name].numbers for name in figures]
     runs = {run for numbers in needed for run in numbers.runs} if only else RUNS
     studies = [s for numbers in needed for s in numbers.studies] if only else STUDIES
-    tasks = missing_tasks(out, [name for name in RUNS if name in runs], studies)
-    with progress_bar("reproduce", len(tasks) + len(figures), "parts", quiet) as progress:
+    with ExitStack() as stack:
+        stack.enter_context(locked(out))
+        tasks = missing_tasks(out, [name for name in RUNS if name in runs], studies)
+        bar = progress_bar("reproduce", len(tasks) + len(figures), "parts", quiet)
+        progress = stack.enter_context(bar)
         failed = execute(tasks, progress)
         failures = {event.job.name: event.reason for event in failed}
         evidence = Evidence(out, failures)
@@ -89,7 +95,8 @@ def _check_folder(out: Path) -> None:
 
 
 def _ours(name: str) -> bool:
-    return name in ("runs", "studies", "figures", "claims.json") or name.startswith("report")
+    ours = (LOCK, "runs", "studies", "figures", "claims.json")
+    return name in ours or name.startswith("report")
 
 
 def _draw(names: list[str], evidence: Evidence) -> None:

@@ -103,7 +103,7 @@ def shard_by_process(plan: Plan, rows: IntArray) -> Any:
     Raises:
         TtwmrError: this worker cannot run the rows, or has other code than the plan is made of.
     """
-    command = [sys.executable, "-m", __name__]
+    command = [sys.executable, "-P", "-m", __name__]  # nothing of the working directory
     asked = pickle.dumps((plan, rows))
     limit_s = plan.timeout_s * len(rows)
     try:

@@ -10,9 +10,10 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.state import BoolArray
-from ttwmr_mj.studies.pool.lock import locked
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
+from ttwmr_mj.studies.sweep.folder.mend import mend
 from ttwmr_mj.studies.sweep.folder.part import Part
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
@@ -34,6 +35,7 @@ def fill(
     part: Part | None = None,
     chunk: int | None = None,
     told: Told | None = None,
+    warn: Callable[[list[str]], None] | None = None,
 ) -> bool:
     """Compute the rows of a plan, or of a part, that its folder lacks; then the table, if all are.
 
@@ -44,6 +46,7 @@ def fill(
         part: which rows; None: all.
         chunk: rows in a shard; None: what suits them.
         told: hears of the progress.
+        warn: hears of files that were damaged, whose rows are computed again.
 
     Returns:
         Whether the table is complete.
@@ -55,6 +58,8 @@ def fill(
     with locked(folder, part.name):
         if not part.name:
             drop_remains(folder, plan)
+            if (damaged := mend(folder, plan)) and warn is not None:
+                warn(damaged)
         done = rows_done(folder, plan)
         start, stop = part.rows(plan)
         _fill(plan, folder, compute, done[start:stop], start, chunk, told)

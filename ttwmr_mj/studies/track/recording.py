@@ -73,12 +73,12 @@ class TrackRecorder(RrdFile):
                 self._series.append(f"plots/{plot}", series, times_s, values[plot])
                 self._ranges[plot] = widened(self._ranges.get(plot), values[plot])
             self._times_s = widened(self._times_s, times_s)
-        self._stream.flush()
+        self.flush()
 
     def close(self) -> None:
         """Show every plot over the range that its values took, and complete the file."""
         if self._open and self._times_s is not None:
-            self._stream.send_blueprint(_blueprint(self._name, self._ranges, self._times_s))
+            self._show(_blueprint(self._name, self._ranges, self._times_s))
         super().close()
 
 
@@ -104,6 +104,6 @@ def _blueprint(
         for plot, (title, series) in PLOTS.items()
     )
     states = layout.states_view("tracker", ("tracker",), times_s)
-    beside = rrb.Vertical(*plots, states, row_shares=[3, 3, 3, 2])
+    beside = rrb.Vertical(*plots, states, row_shares=[6, 4, 3, 2])
     picture = rrb.Vertical(layout.picture_view(name), layout.key_view(), row_shares=[18, 1])
     return layout.page(rrb.Horizontal(picture, beside, column_shares=[3, 2]))

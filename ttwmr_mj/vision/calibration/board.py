@@ -4,11 +4,11 @@ from contextlib import suppress
 from typing import NamedTuple
 
 import cv2
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.assets import models_folder
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.lens import LensMap

@@ -31,6 +31,8 @@ MATRIX = re.compile(
 )
 MOST_LETTERS = 10_000
 MOST_FOCAL_PX = 1e6
+MOST = 1e9  # of any number
+MOST_SIZE_PX = 100_000
 COUNTS = ("image_width", "image_height", "views")
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
 FIX = "write a fresh one with `ttwmr calibrate`"
@@ -40,17 +42,13 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     """Write a calibration.
 
     Raises:
-        InputError: the file cannot be written.
+        OSError: the file cannot be written.
     """
     mode = cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | cv2.FILE_STORAGE_FORMAT_YAML
     storage = cv2.FileStorage("", mode)
     for key, (_, content) in CONTENT.items():
         storage.write(key, content(calibration))
-    try:
-        write_text(path, storage.releaseAndGetString())
-    except OSError as error:
-        fault = Fault(problem=f"cannot be written: {error.strerror}")
-        raise InputError(fault, file=str(path)) from error
+    write_text(path, storage.releaseAndGetString())
 
 
 def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Calibration:
@@ -130,12 +128,16 @@ def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
     shape, _ = CONTENT[key]
     number = node.isReal() or node.isInt()
     content = node.real() if number else node.mat() if node.isMap() else None
-    if content is None or np.shape(content) != shape or not np.isfinite(content).all():
+    sane = content is not None and bool((np.abs(content) <= MOST).all())
+    if content is None or np.shape(content) != shape or not sane:
         got = "neither a number nor a matrix" if content is None else f"shape {np.shape(content)}"
         allowed = f"finite numbers of shape {shape}" if shape else "a finite number"
+        allowed += f" up to {MOST:g}"
         raise _fault(path, key, got=got, allowed=allowed)
-    if key in COUNTS and not (content >= 1 and float(content).is_integer()):
-        raise _fault(path, key, got=f"{content:g}", allowed="a whole number, 1 or more")
+    most = MOST if key == "views" else MOST_SIZE_PX
+    if key in COUNTS and not (1 <= content <= most and float(content).is_integer()):
+        allowed = f"a whole number from 1 to {most:g}"
+        raise _fault(path, key, got=f"{content:g}", allowed=allowed)
     return np.array(content, dtype=np.float64)
 
 

@@ -7,11 +7,11 @@ is which, the chain of hitches says (`tracking.constellation`).
 from dataclasses import dataclass, field
 from typing import get_args
 
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.plants.names import hitches, trailer_part
 from ttwmr_mj.state import FloatArray

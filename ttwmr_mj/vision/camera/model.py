@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import cv2
-import mujoco
 import numpy as np
 
 from ttwmr_mj.errors import InputError, shown
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.options import MOVES, CameraOptions
 

@@ -13,6 +13,7 @@ from ttwmr_mj.vision.camera.options import Noise
 
 FULL_SCALE = 255.0
 LEVELS = np.arange(256)  # of grey
+LEVELS_32 = LEVELS.astype(np.float32)
 STRIP_ROWS = 32  # of the picture at a time: what is computed on the way stays in the cache
 TILE_MARGIN = 256  # a frame's noise is a random window of a tile this much larger than the frame
 
@@ -56,7 +57,8 @@ class SensorNoise:
         top, left = self._rng.integers(TILE_MARGIN, size=2)
         rows, columns = self._shape
         window = self._tile[top : top + rows, left : left + columns]
-        return _Exposed(light, window, self._spread, gains.astype(np.float32))
+        amplified = LEVELS_32[:, None] * gains.astype(np.float32)
+        return _Exposed(light, window, self._spread, amplified[None])
 
     def _gains(self, time_s: float) -> FloatArray:
         """(3,) factors of blue, green, red: an Ornstein-Uhlenbeck walk about one."""
@@ -78,13 +80,13 @@ class _Exposed:
         light: (rows, columns, 3) without noise.
         noise: (rows, columns, 3) normal numbers.
         spread: (256,) standard deviation of the noise by grey level.
-        gains: (3,) of blue, green, red.
+        amplified: (1, 256, 3) what each grey level becomes in blue, green, red.
     """
 
     light: Image
     noise: NDArray[np.float32]
     spread: NDArray[np.float32]
-    gains: NDArray[np.float32]
+    amplified: NDArray[np.float32]
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -97,11 +99,10 @@ class _Exposed:
         picture = np.empty(light.shape, dtype=np.uint8)
         if not picture.size:
             return picture
-        gain_row = np.tile(self.gains, (light.shape[1], 1))
         for start in range(0, len(light), STRIP_ROWS):
             strip = slice(start, start + STRIP_ROWS)
-            lit = np.ascontiguousarray(light[strip])
-            noisy = np.asarray(cv2.LUT(lit, self.spread), dtype=np.float32)
+            noisy = np.asarray(cv2.LUT(light[strip], self.spread))
             noisy *= noise[strip]
-            cv2.add(lit * gain_row, noisy, dst=picture[strip], dtype=cv2.CV_8U)
+            lit = cv2.LUT(light[strip], self.amplified)
+            cv2.add(lit, noisy, dst=picture[strip], dtype=cv2.CV_8U)
         return picture

@@ -1,8 +1,8 @@
 """The robot's posture in the camera's own model: q or joints, and where they were a moment ago."""
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.state import FloatArray
 

@@ -1,8 +1,9 @@
 """Renders parts of the picture plane of an ideal pinhole camera, finely.
 
 The plane is cut into fine pixels, `focal_px` to a slope of one, counted right and down from the
-optical axis. Only the region asked for is rendered, through an off-axis frustum, which gives the
-same bits as that part of a whole picture: a robot costs a sixth of a frame.
+optical axis. Only the region asked for is rendered, through an off-axis frustum: a robot costs a
+sixth of a frame. It has the pixels of that part of a whole picture, but for one on an edge in 30
+frames, where rounding decides.
 """
 
 import weakref
@@ -10,10 +11,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import cv2
-import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.gl import make_context
@@ -25,6 +26,7 @@ TILE_PX = 512  # side of the offscreen buffer; clearing a larger one costs more 
 MAX_GEOMS = 2000  # far more than a laboratory has
 STATIC_GROUPS = (0, 1)  # floor and walls
 IDS_AS_COLOURS = [int(mujoco.mjtRndFlag.mjRND_SEGMENT), int(mujoco.mjtRndFlag.mjRND_IDCOLOR)]
+OCTANTS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
 ROBOT_GROUP = 2  # what is seen of the robot; collision shapes are in group 3
 
 
@@ -64,7 +66,8 @@ class RegionRenderer:
         self._camera.type = mujoco.mjtCamera.mjCAMERA_FIXED
         self._camera.fixedcamid = model.camera(camera).id
         self._robot_geoms = np.flatnonzero(model.geom_group == ROBOT_GROUP)
-        self._radii = model.geom_rbound[self._robot_geoms]
+        middle, half = np.split(model.geom_aabb[self._robot_geoms], 2, axis=1)
+        self._corners = middle[:, None] + OCTANTS * half[:, None]  # of boxes around the geoms
         self._place(model.qpos0)
 
     def robot_region(self, postures: Sequence[FloatArray], margin: int) -> Region:
@@ -107,15 +110,15 @@ class RegionRenderer:
         mujoco.mj_camlight(self._model, self._data)
 
     def _robot_edges(self, qpos: FloatArray) -> FloatArray:
-        """(n, 2) fine pixels: two corners around each geom's bounding sphere."""
+        """(8n, 2) fine pixels: the corners of a box around each geom."""
         self._place(qpos)
-        axes = self._data.cam_xmat[self._camera.fixedcamid].reshape(3, 3)
-        centre = self._data.cam_xpos[self._camera.fixedcamid]
-        right, up, back = ((self._data.geom_xpos[self._robot_geoms] - centre) @ axes).T
-        middle = self._focal_px * np.stack([right, -up]) / -back
-        depth = -back - self._radii  # where a sphere's silhouette lies at the latest
-        reach = self._focal_px * self._radii / depth
-        return np.concatenate([middle - reach, middle + reach], axis=1).T
+        data, geoms = self._data, self._robot_geoms
+        axes = data.cam_xmat[self._camera.fixedcamid].reshape(3, 3)
+        turns = data.geom_xmat[geoms].reshape(-1, 3, 3)
+        away = data.geom_xpos[geoms] - data.cam_xpos[self._camera.fixedcamid]
+        corners = self._corners @ (turns.transpose(0, 2, 1) @ axes) + (away @ axes)[:, None]
+        right, up, back = corners.reshape(-1, 3).T
+        return np.asarray(np.stack([-right, up], axis=1) * (self._focal_px / back)[:, None])
 
     def _show(self, *groups: int) -> None:
         self._option.geomgroup[:] = 0

@@ -1,11 +1,14 @@
 """The simulated camera: a robot's posture becomes a frame with its truth."""
 
+import math
+from collections.abc import Callable
 from copy import copy
+from functools import cache
 from itertools import pairwise
 
-import mujoco
 import numpy as np
 
+from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import Joints
 from ttwmr_mj.plants.names import trailer_part
 from ttwmr_mj.state import FloatArray
@@ -28,6 +31,7 @@ from ttwmr_mj.vision.camera.posture import Posture
 from ttwmr_mj.vision.camera.region import Region
 from ttwmr_mj.vision.camera.renderer import RegionRenderer
 
+Past = Callable[[float], FloatArray]  # (nq,) generalized positions so many seconds ago
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
 FLOOR_HALF_SIZE_M = 5.0  # an infinite floor costs 1 ms a picture
 _RINGS = np.sqrt(np.array([1.0, 3.0, 5.0, 7.0]) / 8.0)
@@ -114,10 +118,11 @@ class VirtualCamera:
         """
         age_s = self._options.exposure.middle_age_s
         moment = time_s - age_s
-        q = self.posture.coordinates(self.posture.moved(qpos, q_rate, -age_s))
+        past: Past = cache(lambda age_s: self.posture.moved(qpos, q_rate, -age_s))
+        q = self.posture.coordinates(past(age_s))
         labels_m = self.layout.centres_m(q)
         centres_px = self.true.project(labels_m)
-        light, classes = self._light(qpos, q_rate)
+        light, classes = self._light(past, self._speed_px(q_rate))
         self._occluders.draw(light, classes, moment, labels_m)
         self._glare.add(light, moment)
         visible = self._visible(labels_m, centres_px, moment)
@@ -128,20 +133,19 @@ class VirtualCamera:
         """Give back what OpenGL holds."""
         self._renderer.close()
 
-    def _light(self, qpos: FloatArray, q_rate: FloatArray) -> tuple[Image, Image | None]:
+    def _light(self, past: Past, speed: float) -> tuple[Image, Image | None]:
         """What falls on the sensor, and the classes seen, at the middle of the exposure."""
         light = self._background.copy()
         classes = self._background_classes.copy() if self._segmentation else None
-        speed = self._speed_px(q_rate)
         ages = self._ages(0.0, speed)
         oldest = self._options.exposure.rolling_shutter_s + ages[-1]
-        ends = [self._past(qpos, q_rate, age) for age in {ages[0], oldest}]
+        ends = [past(age) for age in {ages[0], oldest}]
         region = self._renderer.robot_region(ends, self._options.supersampling)
         window = self._lens.footprint(region)
         if min(window.shape) <= 0:
             return light, classes
         for band, late_s in self._bands(window, speed):
-            instants = [self._past(qpos, q_rate, age) for age in self._ages(late_s, speed)]
+            instants = [past(age) for age in self._ages(late_s, speed)]
             self._draw(instants, band, light, classes)
         return light, classes
 
@@ -162,10 +166,6 @@ class VirtualCamera:
             fine = self._classes[ids]  # −1, beside the robot, finds the last entry: background
             robot = self._lens.nearest(fine, source, window)
             np.copyto(classes[seen], robot, where=robot > 0)
-
-    def _past(self, qpos: FloatArray, q_rate: FloatArray, age_s: float) -> FloatArray:
-        """(nq,) generalized positions so long ago, the rates taken as constant since."""
-        return self.posture.moved(qpos, q_rate, -age_s) if age_s else np.asarray(qpos)
 
     def _speed_px(self, q_rate: FloatArray) -> float:
         """How many pixels a second no label is faster than."""
@@ -193,18 +193,18 @@ class VirtualCamera:
             for top, bottom in pairwise(edges)
         ]
 
-    def _ages(self, closed_s: float, speed_px: float) -> FloatArray:
+    def _ages(self, closed_s: float, speed_px: float) -> list[float]:
         """Ages, rising, of the instants to average in rows whose shutter closed so long ago."""
         exposure_s = self._options.exposure.exposure_s
         if not exposure_s:
-            return np.array([closed_s])
+            return [closed_s]
         count = self._count(exposure_s * speed_px)
-        return closed_s + exposure_s * (np.arange(count) + 0.5) / count
+        return [closed_s + exposure_s * (i + 0.5) / count for i in range(count)]
 
     def _count(self, travel_px: float) -> int:
         """How many instants stand for so much motion."""
         step_px = self._options.exposure.blur_step_px
-        return int(np.clip(np.ceil(travel_px / step_px), 1, MAX_INSTANTS))
+        return max(1, math.ceil(min(travel_px / step_px, MAX_INSTANTS)))
 
     def _visible(self, labels_m: FloatArray, centres_px: FloatArray, time_s: float) -> FloatArray:
         """(labels,) share of each label's area inside the picture and not hidden."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.kinematics import twist_from_wheels
+from ttwmr_mj.dynamics.kinematics import rolling, wheel_geometry
 from ttwmr_mj.dynamics.servo import arrival_s, limit_speed, ramp
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -33,7 +33,7 @@ class CommandHistory:
 
     def __init__(self, robot: RobotParameters, time_s: float = 0.0) -> None:
         """Start at rest."""
-        self._robot = robot
+        self._robot, self._wheels = robot, wheel_geometry(robot)
         self._setpoint: FloatArray = np.zeros((1, 2))
         self._times = [time_s]
         self._twists: list[tuple[float, float]] = [(0.0, 0.0)]
@@ -82,5 +82,5 @@ class CommandHistory:
         self._twists.append(self._twist(speed))
 
     def _twist(self, speed: FloatArray) -> tuple[float, float]:
-        u1, u2 = twist_from_wheels(np.asarray(speed).reshape(2), self._robot)
+        u1, u2 = rolling(np.asarray(speed).reshape(2), *self._wheels)
         return float(u1), float(u2)

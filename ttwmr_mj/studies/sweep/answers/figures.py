@@ -49,6 +49,7 @@ VERDICT_COLOURS = {
     "diverged": "#7A2E00",
     "failed": "#555555",
     "interrupted": "#AAAAAA",
+    "killed": "#AAAAAA",
 }
 BESIDE = 0.012  # of the range, between variants
 

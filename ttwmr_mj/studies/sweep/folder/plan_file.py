@@ -7,7 +7,7 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, described
 from ttwmr_mj.files import write_json
 from ttwmr_mj.studies.pool.ingredients import differences
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -27,8 +27,9 @@ def stored_plan(folder: Path) -> Plan | None:
         return None
     try:
         return Plan.from_json(json.loads(path.read_text(encoding="utf-8")))
-    except (ValueError, KeyError) as error:
-        fault = Fault(problem=f"no plan that this version can read: {error}")
+    except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
+        hint = "give another --out, or delete the file if its sweep is the one that is asked for"
+        fault = Fault(problem=f"no plan that this version can read: {described(error)}", hint=hint)
         raise InputError(fault, file=str(path)) from error
 
 

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from ttwmr_mj.files import written
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
@@ -22,11 +23,9 @@ GROUP = 65_536  # rows in memory at a time, and in a row group of the file
 def assemble(folder: Path, plan: Plan) -> None:
     """Write results.parquet from shards that hold every row, some perhaps twice."""
     path, shards = folder / RESULTS_FILE, shards_in(folder, plan)
-    temporary = path.with_name(path.name + ".part")
-    with pq.ParquetWriter(temporary, schema_of(plan)) as writer:
+    with written(path) as temporary, pq.ParquetWriter(temporary, schema_of(plan)) as writer:
         for start in range(0, plan.rows, GROUP):
             writer.write_table(_window(shards, start, min(start + GROUP, plan.rows)), GROUP)
-    temporary.replace(path)
 
 
 def _window(shards: list[Shard], start: int, stop: int) -> pa.Table:

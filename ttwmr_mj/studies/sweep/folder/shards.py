@@ -26,6 +26,7 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 FOLDER = "shards"
+NAMED = "-".join(["[0-9]" * 9, "[0-9]" * 9, "*"])
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +72,7 @@ def shards_folder(folder: Path, plan: Plan) -> Path:
 
 def shards_in(folder: Path, plan: Plan) -> list[Shard]:
     """All shards that are there, by their first rows."""
-    found = (Shard.of(path) for path in shards_folder(folder, plan).glob("*.parquet"))
+    found = (Shard.of(path) for path in shards_folder(folder, plan).glob(f"{NAMED}.parquet"))
     return sorted(found, key=lambda shard: (shard.first, shard.last, shard.count))
 
 
@@ -104,11 +105,14 @@ def write_shard(folder: Path, plan: Plan, rows: IntArray, content: bytes) -> Non
     path = into / _name(rows)
     # no other process writes under this name, and what a killed one leaves is no *.parquet
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{os.urandom(4).hex()}.part")
-    with temporary.open("wb") as file:
-        file.write(content)
-        file.flush()
-        os.fsync(file.fileno())
-    temporary.replace(path)
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        temporary.replace(path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _name(rows: IntArray) -> str:

@@ -1,0 +1,164 @@
+"""The comparison's files, its report in words, its gate, and what it refuses to begin."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from comparisons import TURN, open_loop
+
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.studies.compare import study
+from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
+from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
+from ttwmr_mj.studies.compare.study import Options, compare_scenario
+from ttwmr_mj.studies.compare.text import markdown, plain
+
+
+def test_the_gate_names_what_exceeded_what(tmp_path: Path) -> None:
+    file = tmp_path / "tolerance.toml"
+    file.write_text("theta2_deviation_max_rad = 1e-3\nposition_deviation_per_path = 1.0\n")
+    numbers = {"theta2_deviation_max_rad": 2e-3, "position_deviation_per_path": None}
+    found = breaches(read_tolerances(file, numbers), numbers)
+    assert [str(breach) for breach in found] == [
+        "theta2_deviation_max_rad: got 0.002, allowed: 0.001 at most",
+        "position_deviation_per_path: got undefined, allowed: 1 at most",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("", "holds no tolerance"),
+        ("a = ", "cannot be read"),
+        ("theta2_deviation_max = 1.0", "did you mean 'theta2_deviation_max_rad'"),
+        ("theta2_deviation_max_rad = -1.0", "0 or more"),
+        ("theta2_deviation_max_rad = true", "0 or more"),
+        ("theta2_deviation_max_rad = nan", "0 or more"),
+    ],
+)
+def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> None:
+    file = tmp_path / "tolerance.toml"
+    file.write_text(text)
+    with pytest.raises(InputError, match=message):
+        read_tolerances(file, ["theta2_deviation_max_rad"])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (Options(mode="closed_loop", real_wheels=True), "--real-wheels"),
+        (Options(validate_on="spline"), "add --fit"),
+        (Options(fit=True, validate_on="open_loop_turn"), "on another scenario"),
+    ],
+)
+def test_contradictions_are_refused(tmp_path: Path, options: Options, message: str) -> None:
+    from ttwmr_mj.scenario.file import load_scenario
+
+    with pytest.raises(InputError, match=message):
+        compare_scenario(load_scenario("open_loop_turn"), tmp_path, options)
+    assert not any(tmp_path.iterdir())
+
+
+def test_tolerances_are_known_before_anything_runs() -> None:
+    assert known_numbers() == list(run_pair(open_loop((0.1, 1.0, 1.0))).numbers)
+
+
+def test_the_files(tmp_path: Path) -> None:
+    scenario = open_loop(*TURN)
+    options = Options(attribute=False)
+    done = compare_scenario(scenario, tmp_path, options, command_line=["ttwmr", "compare"])
+    names = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*.*")}
+    assert {"compare.json", "manifest.json", "contact.parquet", "analytic.parquet"} <= names
+    assert {"run.rrd", "figures/deviation.svg", "figures/paths.png", "report.html"} <= names
+    manifest = json.loads((tmp_path / "manifest.json").read_text())
+    assert manifest["command_line"] == ["ttwmr", "compare"]
+    report = json.loads((tmp_path / "compare.json").read_text())
+    assert report == done.report
+    assert report["attribution"] is None
+    assert report["mode"] == "open_loop"
+    for key in (
+        "position_deviation_max_m",
+        "position_deviation_per_path",
+        "theta1_deviation_max_rad",
+        "theta2_deviation_rms_rad",
+        "theta2_deviation_max_rad",
+    ):
+        assert report[key] > 0.0
+    page = (tmp_path / "report.html").read_text()
+    assert page.count('<svg class="drawing"') == 4
+    assert '<a href="run.rrd">' in page
+    assert f"{1e3 * report['position_deviation_max_m']:.3g} mm</b><span>P, largest" in page
+    assert "Where it comes from" not in page
+    assert "ttwmr compare scenario.resolved.toml --no-attribution" in page
+
+
+def test_the_page_tells_where_the_deviation_comes_from(tmp_path: Path) -> None:
+    options = Options(recording=False, figures=False)
+    report = compare_scenario(open_loop((0.2, 5.0, 4.0)), tmp_path, options).report
+    page = (tmp_path / "report.html").read_text()
+    row = report["attribution"]["theta2"]["caster_inertia"]
+    cells = re.search(
+        r"<tr><td>caster inertia</td>\s*(.*?)</tr>", page.split("<h3>θ2</h3>")[1], re.S
+    )
+    assert cells is not None
+    told = re.findall(r"<td[^>]*>([^<]*)</td>", cells[1])
+    sizes = [row[f"{name}_rad"] for name in ("alone", "interaction", "contribution")]
+    assert told == [*(f"{1e3 * size:.4f}" for size in sizes), f"{100 * row['share']:.1f} %"]
+    assert (tmp_path / "attribution.parquet").is_file()
+    assert "run.rrd" not in page
+
+
+def test_a_report_in_words(tmp_path: Path) -> None:
+    options = Options(converge=True, recording=False, figures=False)
+    report = compare_scenario(open_loop((0.2, 5.0, 4.0)), tmp_path, options).report
+    words = plain(report)
+    deviation = 1e3 * report["position_deviation_max_m"]
+    assert re.search(rf"^P, largest deviation +{deviation:.4g} mm$", words, re.MULTILINE)
+    order = report["convergence"]["order"]["theta2_deviation_max_rad"]
+    assert re.search(rf"^order of convergence of θ2 +{order:.4g}$", words, re.MULTILINE)
+    assert "undefined" not in words
+    row = report["attribution"]["theta2"]["caster_inertia"]
+    size, share = 1e3 * row["contribution_rad"], 100.0 * row["share"]
+    assert re.search(rf"^ +caster inertia .* {size:.4f} mrad +{share:.1f} %$", words, re.MULTILINE)
+    assert "| caster inertia | " in markdown(report)
+    assert f"{size:.4f} mrad | {share:.1f} % |" in markdown(report)
+
+
+def test_the_recording_holds_both_robots(tmp_path: Path) -> None:
+    from rerun.chunk import RrdReader
+
+    compare_scenario(open_loop(*TURN), tmp_path, Options(attribute=False, figures=False))
+    reader = RrdReader(str(tmp_path / "run.rrd"))
+    paths = {str(chunk.entity_path).strip("/") for chunk in reader.stream()}
+    assert {"world/tractor", "world/analytic/tractor", "world/deviation"} <= paths
+    assert {"plots/position/true", "plots/angles/true", "report"} <= paths
+    assert not any(path.startswith("world/analytic/floor") for path in paths)
+
+
+def test_the_command_line_is_a_gate(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    gate = tmp_path / "gate.toml"
+    gate.write_text("position_deviation_max_m = 1e-9\n")
+    common = ["compare", "open_loop_turn", "--no-attribution", "--quiet", "--set", "duration_s=1.0"]
+    common += ["--set", "output.recording=false", "--set", "output.figures=false"]
+    out = ["--out", str(tmp_path / "a"), "--tolerance", str(gate)]
+    assert main([*common, *out]) == 1
+    assert "position_deviation_max_m: got" in capsys.readouterr().err
+    gate.write_text("position_deviation_max_m = 1.0\n")
+    assert main([*common, *out, "--force"]) == 0
+    gate.write_text("position = 1.0\n")
+    assert main([*common, *out, "--force"]) == 2
+
+
+def test_one_progress_bar_is_split_over_the_parts() -> None:
+    shown: list[float] = []
+    for part in study._parts(shown.append, 2):
+        assert part is not None
+        part(0.25)
+    assert shown == [0.125, 0.625]
+    for part in study._parts(None, 1):
+        assert part is not None
+        part(0.5)  # nobody looks

@@ -1,0 +1,231 @@
+"""Stored results that were damaged: named, made again or reported, never the end of the rest."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.studies.pool.task import RUN_FILES, Kept
+
+SUITE = """
+name = "pair"
+seeds = [0]
+[controller.article]
+overrides = ['controller={kind="lyapunov"}']
+[controller.tuned]
+overrides = ['controller={kind="lyapunov", alpha1=50.0}']
+[task.circle]
+scenario = "lab_circle"
+overrides = ["duration_s=2.0", "output.recording=false", "output.figures=false"]
+[plant.analytic]
+overrides = ["plant.kind=analytic"]
+"""
+SWEEP = """
+name = "three"
+scenario = "lab_circle"
+overrides = ["plant.kind=analytic", "duration_s=1.0"]
+metric = "tractor_rmse_m"
+[parameters]
+"controller.alpha1" = { values = [10.0, 20.0, 30.0] }
+"""
+
+
+def garbage(path: Path) -> None:
+    path.write_bytes(bytes(range(256)) * 4)
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def emptied(path: Path) -> None:
+    path.write_bytes(b"")
+
+
+def other_types(path: Path) -> None:
+    """Every value of another type."""
+    if path.suffix == ".parquet":
+        names = pq.read_table(path).column_names
+        pq.write_table(pa.table({name: ["x", "y"] for name in names}), path)
+    elif path.suffix == ".json":
+        path.write_text(json.dumps({key: [{}] for key in json.loads(path.read_text())}))
+    else:
+        path.write_text("name = 3\n")
+
+
+def other_keys(path: Path) -> None:
+    if path.suffix == ".parquet":
+        pq.write_table(pa.table({"theta99999999_rad": [0.0]}), path)
+    else:
+        path.write_text("[]" if path.suffix == ".json" else "[[x]]\n")
+
+
+DAMAGES = [garbage, truncated, emptied, other_types, other_keys]
+Damage = Callable[[Path], None]
+
+
+@pytest.fixture(scope="module")
+def benched(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("bench")
+    (folder / "pair.toml").write_text(SUITE)
+    assert main(["bench", str(folder / "pair.toml"), "--out", str(folder / "out"), "--quiet"]) == 0
+    return folder
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["row.json", *RUN_FILES])
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_rescoring_names_damaged_rows_and_scores_the_others(
+    damage: Damage, name: str, benched: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = sorted((benched / "out" / "runs").iterdir())
+    before = {file: file.read_bytes() for file in rows[0].iterdir() if file.is_file()}
+    damage(rows[0] / name)
+    words = ["bench", str(benched / "pair.toml"), "--out", str(benched / "out"), "--rescore"]
+    try:
+        code = main([*words, "--quiet"])
+        err = capsys.readouterr().err
+        harmless = name == "manifest.json"  # of which only the version is shown
+        assert code == (0 if harmless else 1)
+        assert (rows[0].name in err) != harmless
+        assert "Traceback" not in err
+        assert rows[1].name in (benched / "out" / "leaderboard.md").read_text() or rows[1].exists()
+    finally:
+        for file, content in before.items():
+            file.write_bytes(content)
+    assert main([*words, "--quiet"]) == 0
+
+
+@pytest.mark.slow
+def test_bench_runs_damaged_rows_again(benched: Path) -> None:
+    rows = sorted((benched / "out" / "runs").iterdir())
+    words = ["bench", str(benched / "pair.toml"), "--out", str(benched / "out"), "--quiet"]
+    for name in ("row.json", "trajectory.parquet", "metrics.json", "made_of.json"):
+        whole = Trajectory.read(rows[0] / "trajectory.parquet")
+        kept = (rows[1] / "metrics.json").stat().st_mtime_ns
+        truncated(rows[0] / name)
+        assert main(words) == 0
+        assert np.array_equal(Trajectory.read(rows[0] / "trajectory.parquet").q, whole.q)
+        assert (rows[1] / "metrics.json").stat().st_mtime_ns == kept  # the other is used again
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_result_that_was_damaged_is_not_used_again(damage: Damage, tmp_path: Path) -> None:
+    file = tmp_path / "result.json"
+    file.write_text('{"result": 1}')
+    kept = Kept({"code": {"a": "1"}}, tmp_path / "made_of.json", (file,))
+    assert not kept.is_done
+    kept.mark_done()
+    assert kept.is_done
+    damage(file)
+    assert kept.changes() == ["files.result.json"]
+    file.unlink()
+    assert not kept.is_done
+    damage(kept.mark)
+    assert not kept.is_done
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_sweep_makes_damaged_parts_again(
+    damage: Damage, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "three.toml").write_text(SWEEP)
+    words = ["sweep", str(tmp_path / "three.toml"), "--out", str(tmp_path / "out"), "--chunk", "1"]
+    assert main([*words, "--quiet"]) == 0
+    table = (tmp_path / "out" / "results.parquet").read_bytes()
+    shard = sorted((tmp_path / "out" / "shards").glob("*/*.parquet"))[1]
+    (shard.parent / "notes.parquet").touch()  # a stranger's
+    capsys.readouterr()
+    for path in (shard, tmp_path / "out" / "results.parquet"):
+        damage(path)
+        assert main([*words, "--quiet"]) == 0
+        assert f"{path}: damaged; it is made again" in capsys.readouterr().err
+        assert (tmp_path / "out" / "results.parquet").read_bytes() == table
+    damage(tmp_path / "out" / "plan.json")
+    assert main([*words, "--quiet"]) == 2
+    assert "plan.json: no plan that this version can read" in capsys.readouterr().err
+
+
+@pytest.fixture(scope="module")
+def a_run(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    scenario = tt.load_scenario("lab_circle", ["duration_s=1.0", "output.figures=false"])
+    folder = tmp_path_factory.mktemp("run") / "out"
+    tt.run(scenario, folder)
+    return folder
+
+
+@pytest.mark.parametrize("name", ["trajectory.parquet", "scenario.resolved.toml", "metrics.json"])
+@pytest.mark.parametrize("damage", DAMAGES)
+def test_a_damaged_run_is_no_traceback(
+    damage: Damage, name: str, a_run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (a_run / name).read_bytes()
+    said = (a_run / "metrics.json").read_bytes()
+    damage(a_run / name)
+    try:
+        code = main(["score", str(a_run), "--quiet"])
+        assert code == (0 if name == "metrics.json" else 2)
+        film = str(a_run / "film.mp4")
+        if name != "metrics.json":  # which no video looks at
+            assert name in capsys.readouterr().err
+            assert main(["video", str(a_run), "-o", film, "--quiet"]) == 2
+            assert name in capsys.readouterr().err
+            assert not Path(film).exists()
+    finally:
+        (a_run / name).write_bytes(before)
+        (a_run / "metrics.json").write_bytes(said)
+
+
+@pytest.mark.parametrize("damage", [garbage, truncated, emptied])
+def test_a_damaged_recording_is_told(
+    damage: Damage, a_run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording = a_run / "run.rrd"
+    before = recording.read_bytes()
+    damage(recording)
+    film = tmp_path / "film.mp4"
+    try:
+        words = ["video", str(a_run), "-o", str(film), "--view", "overhead", "--quiet"]
+        assert main(words) == 1
+        assert "no forces" in capsys.readouterr().err
+        assert film.stat().st_size > 1000  # the rest is shown
+        if damage is not truncated:  # whose beginning is sound: the viewer shows what is left
+            assert main(["view", str(a_run)]) == 2
+            assert "no recording of Rerun, or a damaged one" in capsys.readouterr().err
+    finally:
+        recording.write_bytes(before)
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"x_m": ["a", "b"]},
+        {"x_m": [None, 1.0]},
+        {"time_s": [0.0, 0.0]},
+        {"time_s": [0.0, float("nan")]},
+        {"time_s": [1.0, 0.5]},
+        {"est_valid": [None, True]},
+    ],
+)
+def test_a_table_that_is_no_trajectory_is_refused(change: dict[str, list[object]]) -> None:
+    scenario = tt.load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=0.033"])
+    table = tt.simulate(scenario).trajectory.to_table()
+    assert len(Trajectory.of_table(table, "a file")) == 2
+    for name, values in change.items():
+        place = table.schema.get_field_index(name)
+        table = table.set_column(place, name, pa.array(values))
+    with pytest.raises(InputError, match="a file: not a trajectory: "):
+        Trajectory.of_table(table, "a file")
+    with pytest.raises(InputError, match=r"a file: .* it lacks x_m, y_m, .* and others"):
+        Trajectory.of_table(table.select(["time_s"]), "a file")

@@ -1,0 +1,144 @@
+"""What lies about on a machine, variables and files, neither ends a run nor runs within it."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ttwmr_mj
+from ttwmr_mj.files import variable
+from ttwmr_mj.runs import machine
+from ttwmr_mj.vision.camera import gl
+
+TTWMR = [sys.executable, "-m", "ttwmr_mj"]
+SHORT = ["--set=duration_s=0.1", "--out=out"]
+NOTEBOOK = "module://matplotlib_inline.backend_inline"
+STRANGERS = ("numpy", "mujoco", "json", "OpenGL", "scipy", "pyarrow", "multiprocessing", "struct")
+
+
+def ttwmr(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[str]:
+    done = subprocess.run(
+        [*TTWMR, *words],
+        cwd=folder,
+        env=os.environ | env,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert "Traceback" not in done.stderr
+    return done
+
+
+def test_a_run_of_truth_obeys_no_variable(tmp_path: Path) -> None:
+    strange = {"MUJOCO_GL": "garbage", "MPLBACKEND": "garbage", "RERUN": "off"}
+    done = ttwmr(tmp_path, "run", "lab_circle", *SHORT, **strange)
+    assert (done.returncode, done.stderr.replace("\r", "")[:7]) == (0, "")
+    assert {"run.rrd", "summary.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
+    assert (tmp_path / "out" / "run.rrd").stat().st_size > 10_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strange", ["osmesa", "glfw", "egl", "off"])
+def test_nor_any_other_value_of_it(strange: str, tmp_path: Path) -> None:
+    more = {"MUJOCO_GL": strange, "MPLBACKEND": NOTEBOOK, "RERUN": "false", "DISPLAY": ""}
+    assert ttwmr(tmp_path, "run", "lab_circle", *SHORT, **more).returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("strange", ["garbage", "osmesa", "glfw", "off"])
+def test_a_camera_that_cannot_have_what_was_asked_for_says_so(strange: str, tmp_path: Path) -> None:
+    without = {"MUJOCO_GL": strange, "DISPLAY": "", "WAYLAND_DISPLAY": ""}
+    done = ttwmr(tmp_path, "run", "lab_circle_camera", "--quiet", *SHORT, **without)
+    if strange == "osmesa" and done.returncode == 0:
+        pytest.skip("OSMesa works here")
+    assert done.returncode == 2
+    assert done.stderr.startswith("ttwmr: ")
+    assert done.stderr.count("\n") == 1
+    assert "MUJOCO_GL" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ("garbage", "MUJOCO_GL=garbage ends camera runs, and no others; unset it, or set"),
+        ("osmesa", "MUJOCO_GL=osmesa ends camera runs, and no others"),
+        ("egl", ""),
+        ("on", ""),
+    ],
+)
+def test_the_doctor_tells(asked: str, told: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def probe(backend: str) -> gl.Probe:
+        works = backend == "egl"
+        return gl.Probe(backend, "llvmpipe" if works else None, "" if works else "no library")
+
+    monkeypatch.setattr(machine, "probe", probe)
+    for name, value in {"MUJOCO_GL": asked, "RERUN": "off", "MPLBACKEND": NOTEBOOK}.items():
+        monkeypatch.setenv(name, value)
+    text, healthy = machine.examine()
+    assert healthy
+    assert told in text
+    assert ("MUJOCO_GL" in text) == bool(told)
+    assert "RERUN=off changes nothing: output.recording decides" in text
+    assert f"MPLBACKEND={NOTEBOOK} changes nothing" in text
+
+
+def test_mujoco_has_one_door() -> None:
+    package = Path(ttwmr_mj.__file__).parent
+    doors = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        for line in path.read_text().splitlines()
+        if line.strip().startswith(("import mujoco", "from mujoco"))
+    }
+    assert doors == {"plants/engine.py", "vision/camera/gl.py"}  # that one in another process
+
+
+def test_a_variable_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TTWMR_A", "1")
+    monkeypatch.delenv("TTWMR_B", raising=False)
+    with variable("TTWMR_A", None), variable("TTWMR_B", "2"):
+        assert ("TTWMR_A" in os.environ, os.environ["TTWMR_B"]) == (False, "2")
+    assert (os.environ["TTWMR_A"], "TTWMR_B" in os.environ) == ("1", False)
+
+
+@pytest.fixture
+def littered(tmp_path: Path) -> Path:
+    """A working directory with modules that nobody asked for, which leave a mark when they run."""
+    mark = f"open({str(tmp_path / 'ran')!r}, 'a').write(__name__)\nraise SystemExit(0)\n"
+    folder = tmp_path / "here"
+    folder.mkdir()
+    for name in STRANGERS:
+        (folder / f"{name}.py").write_text(mark)
+    (folder / "suite.toml").write_text(
+        'name = "s"\n[controller.feedforward]\noverrides = ["controller={kind=\'feedforward\'}"]\n'
+        '[task.circle]\nscenario = "lab_circle"\noverrides = ["duration_s=0.1"]\n'
+    )
+    (folder / "sweep.toml").write_text(
+        'name = "s"\nscenario = "lab_circle"\noverrides = ["duration_s=0.1"]\n'
+        '[parameters."robot.trailer.mass_kg"]\nvalues = [0.2, 0.3]\n'
+    )
+    return folder
+
+
+LINES = [
+    "list",
+    "doctor",
+    "run lab_circle --set duration_s=0.1",
+    "bench suite.toml --out b",
+    "sweep sweep.toml --workers 1 --out s",
+    "run lab_circle_camera --set duration_s=0.1",
+]
+
+
+@pytest.mark.parametrize(
+    "line", [LINES[0], *(pytest.param(line, marks=pytest.mark.slow) for line in LINES[1:])]
+)
+def test_files_that_lie_about_are_not_run(line: str, littered: Path) -> None:
+    done = ttwmr(littered, *line.split())
+    assert not (littered.parent / "ran").exists(), (littered.parent / "ran").read_text()
+    assert done.stdout.strip(), done.stderr

@@ -1,0 +1,98 @@
+"""Texts from strangers' files and exceptions: shown, and obeyed by nothing that shows them."""
+
+from __future__ import annotations
+
+import tomllib
+from collections import Counter
+from pathlib import Path
+
+import pytest
+from test_hostile_arrays import law_beside
+
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import described, in_markdown
+from ttwmr_mj.runs.report import details_text, result_text, summary
+from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.studies.bench.leaderboard import to_markdown
+from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run
+from ttwmr_mj.studies.bench.page import to_html
+from ttwmr_mj.studies.bench.scoring import Board
+
+EVIL = "\x1b]0;owned\x07<script>alert(1)</script> ![x](http://a/b) `rm` | a | b\n# Best\n```\n- x"
+
+
+def is_harmless(text: str) -> bool:
+    """Whether a Markdown text has none of EVIL's marks unescaped, and no control character."""
+    plain = text.replace("\\\\", "").replace("\\<", "").replace("\\[", "").replace("\\`", "")
+    marks = ("<script", "![x](", "`rm`", "\x1b", "\x07", "\n# Best", "\n- x")
+    return not any(mark in plain for mark in marks) and "owned" in text
+
+
+def test_one_line_and_no_mark() -> None:
+    told = in_markdown(EVIL)
+    assert is_harmless(told)
+    assert "\n" not in told
+    assert r"\| a \| b" in told
+    assert in_markdown("θ2 of robot.trailer.mass_kg, (1, 2): 5 %") == (
+        "θ2 of robot.trailer.mass_kg, (1, 2): 5 %"
+    )
+
+
+def test_an_exception_is_told_without_commands() -> None:
+    assert described(ValueError(EVIL)).startswith("ValueError: \\x1b]0;owned\\x07<script>")
+
+
+def test_a_run_tells_a_stranger_s_words_in_panels() -> None:
+    text = {"name": "mine", "duration_s": 1.0, "description": EVIL, "reference": {"kind": "none"}}
+    segment = {"duration_s": 1.0, "wheel_right_rad_s": 1.0, "wheel_left_rad_s": 1.0}
+    text["controller"] = {"kind": "open_loop", "segments": [segment]}
+    text["plant"] = {"kind": "analytic"}
+    scenario = check_scenario(text, "mine")
+    metrics = dict.fromkeys(("tractor_rmse_m",), None)
+    from ttwmr_mj.runs import report
+
+    metrics |= {key: None for key, *_ in report.RESULT_ROWS} | dict.fromkeys(report.HEADLINES)
+    metrics |= {"verdict": "failed", "verdict_reason": f"controller raised {EVIL}"}
+    for told in (summary(scenario), result_text(scenario, metrics), details_text(metrics)):
+        assert is_harmless(told), told
+
+
+def test_a_leaderboard_tells_a_stranger_s_words() -> None:
+    names = {"controller": "a", "task": "b", "plant": "c", "sensing": "d", "disturbance": "none"}
+    run = Run(0, "failed", f"failed: {EVIL}", False, dict.fromkeys(COLUMNS))
+    line = Line(names, (run,), "steady", True, f"ttwmr run x --set 'a={EVIL}'", None)
+    board = Board([line], 1, Counter({"1.0": 1}))
+    text = to_markdown(board, f"mine: {EVIL}")
+    commands = text[text.index("```sh") :]
+    assert commands.count("```") == 2
+    assert "\x1b" not in text
+    assert is_harmless(text[: text.index("```sh")])
+    page = to_html(board, f"mine: {EVIL}")
+    assert "<script>alert" not in page
+    assert "&lt;script&gt;alert" in page
+
+
+def test_the_terminal_gets_no_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    law_beside(tmp_path, "at_command", f"raise ValueError({EVIL!r})", "evil_law")
+    line = ["run", "mine.toml", "--out", "out", "--require", "failed"]
+    bare = ["--set", "output.recording=false", "--set", "output.figures=false"]
+    assert main([*line, *bare]) in (0, 1)
+    told = capsys.readouterr()
+    assert "owned" in told.out + told.err
+    assert "\x1b" not in told.out + told.err
+    assert "\x1b" not in (tmp_path / "out" / "metrics.json").read_text()
+    sweep = f'name = "s"\nscenario = "lab_circle"\ndescription = {tomli(EVIL)}\n'
+    sweep += '[parameters]\n"robot.trailer.mass_kg" = {values = [0.2, 0.3]}\n'
+    (tmp_path / "s.toml").write_text(sweep)
+    assert tomllib.loads(sweep)["description"] == EVIL
+    assert main(["sweep", "s.toml", "--dry-run"]) == 0
+    assert "\x1b" not in capsys.readouterr().out
+
+
+def tomli(text: str) -> str:
+    import tomli_w
+
+    return tomli_w.dumps({"a": text}).partition(" = ")[2].strip()

@@ -1,0 +1,136 @@
+"""A law of the user's that leaves, never answers or stays: real processes, ended with a reason."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from test_hostile_laws import LAW, SCENARIO
+
+TTWMR = [sys.executable, "-m", "ttwmr_mj"]
+SWALLOW = """
+            while True:
+                try:
+                    time.sleep(0.01)
+                except BaseException:
+                    pass
+"""
+FAST = ["control.controller_time_limit_s=0.1", "control.controller_start_limit_s=0.1"]
+BARE = [*FAST, "output.recording=false", "output.figures=false"]
+
+
+def law_in(folder: Path, place: str, code: str) -> None:
+    """A scenario mine.toml whose law has this code at that place."""
+    parts = dict.fromkeys(("at_import", "at_making", "at_start"), "pass")
+    parts["at_command"] = "return Command(one, no, no)"
+    if place == "at_command":
+        code = f"{code}\n        return Command(one, no, no)"
+    parts |= {place: code}
+    (folder / "mine.py").write_text("import os, sys, threading, time\n" + LAW.format(**parts))
+    (folder / "mine.toml").write_text(SCENARIO.replace("TARGET", "mine"))
+
+
+def ttwmr(folder: Path, *words: str, changes: list[str]) -> subprocess.CompletedProcess[str]:
+    """What a command says and leaves with; everything it started must be over too."""
+    line = [*TTWMR, *words, "mine.toml", *(f"--set={change}" for change in changes)]
+    done = subprocess.run(  # returns when nobody has its pipes any longer
+        line, cwd=folder, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert "Traceback" not in done.stderr
+    return done
+
+
+@pytest.mark.parametrize(
+    ("place", "code", "told"),
+    [
+        ("at_import", "os._exit(0)", "with exit code 0 before it was over"),
+        ("at_making", "os.kill(os.getpid(), 11)", "by SIGSEGV before it was over"),
+        pytest.param(
+            *("at_start", SWALLOW, "did not answer within 0.1 s and could not be broken off"),
+            marks=pytest.mark.slow,
+        ),
+        ("at_import", "while True: pass", "making the law timed out after 0.1 s"),
+    ],
+)
+def test_what_never_answers_or_leaves_while_it_is_loaded(
+    place: str, code: str, told: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, place, code)
+    done = ttwmr(tmp_path, "validate", "--load", changes=FAST)
+    assert done.returncode in (1, 2)
+    assert told in done.stderr
+    assert done.stderr.startswith("ttwmr: ")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("code", "status", "told"),
+    [
+        ("if k == 2: os._exit(0)", 1, "with exit code 0 before it was over"),
+        ("if k == 2: threading.Thread(target=lambda: os._exit(0)).start(); time.sleep(9)", 1, "0"),
+        (f"if k == 2:{SWALLOW}", 1, "could not be broken off"),
+        ("if k == 2: time.sleep(60)", 1, "the controller timed out after 0.1 s at its sample"),
+        ("import signal; signal.signal(signal.SIGALRM, signal.SIG_IGN)\n        while k: pass",)
+        + (1, "could not be broken off"),
+        ("if k == 2: threading.Thread(target=time.sleep, args=(60,)).start()", 0, ""),
+        ("if k == 2 and os.fork() == 0: time.sleep(60)", 0, ""),
+        ("if k == 2: os.fork()", 0, ""),  # both come back
+        ("if k == 2: sys.stdout.close(); os.close(1)", 1, "I/O operation on closed file"),
+        ("sys.stdout = None", 0, ""),
+        ("import atexit; k or atexit.register(time.sleep, 60)", 0, ""),
+        ("print('x' * 20_000)", 0, ""),
+    ],
+)
+def test_a_run_ends_whatever_its_law_does(
+    code: str, status: int, told: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, "at_command", code)
+    began_s = time.monotonic()
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert time.monotonic() - began_s < 50.0  # the sleeping ones would take a minute
+    assert done.returncode == status, done.stderr
+    assert told in done.stderr
+    metrics = tmp_path / "out" / "metrics.json"
+    if status == 0:
+        assert json.loads(metrics.read_text())["status"] == "ok"
+    assert not list((tmp_path / "out").rglob("*.part"))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", ["TERM", "INT", "KILL"])
+def test_signals_reach_the_process_that_runs_the_law(how: str, tmp_path: Path) -> None:
+    law_in(tmp_path, "at_command", "open('pid', 'w').write(str(os.getpid())); time.sleep(0.05)")
+    line = [*TTWMR, "run", "mine.toml", "--out", "out", "--set=duration_s=60"]
+    line += [f"--set={change}" for change in BARE]
+    running = subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    pid = tmp_path / "pid"
+    while not (pid.exists() and pid.read_text()):
+        assert running.poll() is None
+        time.sleep(0.05)
+    law = int(pid.read_text())
+    assert law != running.pid
+    running.send_signal(getattr(__import__("signal"), f"SIG{how}"))
+    told = running.communicate(timeout=30)[1]
+    assert running.returncode == (-9 if how == "KILL" else 1)
+    assert "Traceback" not in told
+    until = time.monotonic() + 10.0
+    while time.monotonic() < until and _runs(law):
+        time.sleep(0.05)
+    assert not _runs(law)
+    if how != "KILL":
+        assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == (
+            "interrupted"
+        )
+
+
+def _runs(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    return "Z" not in Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]

@@ -1,0 +1,180 @@
+"""A folder of results: of one process, of one run, as it was where nothing came of it."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.new_folder import OURS, kept, new_folder
+
+HOLD = """
+import sys, time
+from pathlib import Path
+from ttwmr_mj.runs.lock import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def files(folder: Path) -> dict[str, str]:
+    found = (path for path in folder.rglob("*") if path.is_file())
+    return {str(path.relative_to(folder)): path.read_text() for path in found}
+
+
+def a_run(folder: Path) -> dict[str, str]:
+    """A run's files, and one that is none of them."""
+    for name in ("metrics.json", "trajectory.parquet", "figures/paths.png", "figures/mine.png"):
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(f"old {name}")
+    return files(folder)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with (
+        pytest.raises(InputError, match=r"^--out: got .*inside; cannot make the folder: "),
+        new_folder(tmp_path / "file" / "inside", force=False),
+    ):
+        pass
+    with new_folder(tmp_path / "deep" / "down", force=False):
+        pass
+    with new_folder(tmp_path / "deep" / "down", force=False):  # empty
+        (tmp_path / "deep" / "down" / "note").touch()
+    with (
+        pytest.raises(InputError, match=r"the folder is not empty; .* --force to replace the run"),
+        new_folder(tmp_path / "deep" / "down", force=False),
+    ):
+        pass
+
+
+def test_force_replaces_the_run_as_a_whole_and_nothing_else(tmp_path: Path) -> None:
+    a_run(tmp_path)
+    with new_folder(tmp_path, force=True):
+        assert set(files(tmp_path)) > {".replaced/metrics.json", "figures/mine.png"}
+        (tmp_path / "metrics.json").write_text("new")
+        (tmp_path / "run.rrd").write_text("new")
+    left = {"metrics.json": "new", "run.rrd": "new", "figures/mine.png": "old figures/mine.png"}
+    assert files(tmp_path) == left
+    assert not (tmp_path / ".replaced").exists()
+
+
+@pytest.mark.parametrize(
+    ("error", "recorded", "stays_old"),
+    [
+        (InputError("wrong"), True, True),  # exit code 2: as if nothing had been asked
+        (FileExistsError(17, "in the way"), True, True),
+        (KeyboardInterrupt(), False, True),
+        (KeyboardInterrupt(), True, False),
+        (RunError("broke"), True, False),
+        (OSError(28, "full"), True, False),
+    ],
+)
+def test_a_run_that_came_to_nothing_leaves_the_folder_as_it_was(
+    error: BaseException, recorded: bool, stays_old: bool, tmp_path: Path
+) -> None:
+    before = a_run(tmp_path / "old")
+
+    def fill(folder: Path) -> None:
+        with new_folder(folder, force=True):
+            (folder / "manifest.json").write_text("new")
+            if recorded:
+                (folder / "trajectory.arrows").write_text("new")
+            raise error
+
+    for name in ("old", "deep/new"):
+        with pytest.raises(type(error)):
+            fill(tmp_path / name)
+    assert (files(tmp_path / "old") == before) == stays_old
+    assert (tmp_path / "deep").exists() == (not stays_old)
+    if not stays_old:
+        assert set(files(tmp_path / "old")) == {
+            "manifest.json",
+            "trajectory.arrows",
+            "figures/mine.png",
+        }
+
+
+def test_a_lock_ends_with_its_process_however_that_ends(tmp_path: Path) -> None:
+    holder = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdout=subprocess.PIPE)
+    assert holder.stdout is not None
+    told = f"fills this folder: process {holder.pid} on"
+    with holder:
+        assert holder.stdout.readline() == b"held\n"
+        with pytest.raises(InputError, match=told), locked(tmp_path):
+            pass
+        holder.send_signal(signal.SIGKILL)
+    assert (tmp_path / ".lock").is_file()  # what is left of it is in nobody's way
+    with new_folder(tmp_path, force=False), pytest.raises(InputError), locked(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("words", [["run"], ["compare", "--no-attribution"]])
+def test_a_folder_in_use_is_refused_and_left_alone(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = a_run(tmp_path)
+    command = [*words, "lab_circle", "--out", str(tmp_path), "--force"]
+    with locked(tmp_path):
+        assert main(command) == 2
+    assert "another process fills this folder" in capsys.readouterr().err
+    assert files(tmp_path) == before
+
+
+def test_exit_2_leaves_nothing_that_would_refuse_the_retry(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    words = ["run", "lab_circle", "--quiet", "--set", "output.figures=false"]
+    no_law = ["--set", "controller.kind=custom", "--set", "controller.target=nowhere:Law"]
+    assert main([*words, *no_law]) == 2
+    assert main([*words, *no_law, "--out", "out"]) == 2
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "frames").touch()  # where frames cannot be put, seen after the first files
+    with_camera = ["--set", "sensing.kind=camera", "--save-frames", "--force", "--out", "out"]
+    assert main([*words, *with_camera]) == 2
+    assert set(files(tmp_path)) == {"out/frames"}
+
+
+@pytest.mark.parametrize(
+    ("write", "told"),
+    [
+        (lambda folder: folder.rmdir(), "is gone"),
+        (lambda folder: (folder / "manifest.json").touch(), "nothing was recorded"),
+        (lambda folder: (folder / "trajectory.arrows").touch(), "ttwmr score"),
+        (lambda folder: (folder / "run.rrd").touch(), "what was recorded is in"),
+        (
+            lambda folder: (folder / "metrics.json").write_text('{"status": "ok"}'),
+            "the run is complete in",
+        ),
+        (lambda folder: (folder / "metrics.json").write_text("[]"), "nothing was recorded"),
+    ],
+)
+def test_what_is_kept_is_told(write: Callable[[Path], object], told: str, tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    write(tmp_path / "out")
+    assert told in kept(tmp_path / "out")
+
+
+@pytest.mark.slow
+def test_every_file_of_a_run_is_known_as_one(tmp_path: Path) -> None:
+    scenario = tt.load_scenario(
+        "lab_circle", ["duration_s=1.0", "output.paper_plots=true", "output.physics_rate=true"]
+    )
+    tt.run(scenario, tmp_path / "run")
+    words = ["lab_circle", "--out", str(tmp_path / "compare"), "--quiet"]
+    assert main(["compare", *words, "--set", "duration_s=3.0"]) == 0
+    for folder in (tmp_path / "run", tmp_path / "compare"):
+        known = {path for name in OURS for path in folder.glob(name)}
+        assert {path for path in folder.rglob("*") if path.is_file()} == known

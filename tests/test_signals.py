@@ -1,0 +1,120 @@
+"""SIGTERM and Ctrl-C in every phase of a run: one line, exit code 1, and what is complete stays."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.signals import held_back
+
+PHASES = {  # what is being done when the signal comes → what is told of what is kept
+    "ttwmr_mj.runs.execute.write_manifest": "nothing was recorded",
+    "ttwmr_mj.plants.analytic.AnalyticPlant.follow": "what was recorded is in out",
+    "ttwmr_mj.runs.execute.metrics_of": "the run is complete in out",
+    "ttwmr_mj.runs.metrics.write_parquet": "the run is complete in out",
+    "ttwmr_mj.runs.metrics.write_json": "the run is complete in out",
+    "ttwmr_mj.figures.summary.write_summary": "the run is complete in out, but for its figures",
+    "matplotlib.figure.Figure.savefig": "the run is complete in out, but for its figures",
+}
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("phase", PHASES)
+def test_a_signal_in_any_phase(
+    phase: str,
+    signum: signal.Signals,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    interrupt(phase, signum, monkeypatch)
+    words = ["run", "lab_circle", "--out", "out", "--set", "duration_s=2.0"]
+    assert main([*words, "--set", "plant.kind=analytic", "--set", "output.recording=false"]) == 1
+    err = capsys.readouterr().err
+    assert err.count("\n") == 1
+    assert PHASES[phase] in err
+    left = {path.name for path in tmp_path.rglob("*") if path.is_file()}
+    assert not [name for name in left if "part" in name or name == ".lock"]
+    if "nothing" in PHASES[phase]:
+        assert not left
+        return
+    metrics = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    rows = Trajectory.read(tmp_path / "out" / "trajectory.parquet")
+    assert metrics["end_time_s"] == rows.time_s[-1]
+    assert metrics["status"] == ("ok" if "complete" in PHASES[phase] else "interrupted")
+
+
+def interrupt(name: str, signum: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Send this process a signal when it calls a function, once."""
+    holder, _, attribute = name.rpartition(".")
+    real = resolved(holder, attribute)
+    calls: list[int] = []
+
+    def interrupted(*arguments: object, **named: object) -> object:
+        calls.append(1)
+        if len(calls) == 1:
+            signal.raise_signal(signum)
+        return real(*arguments, **named)
+
+    monkeypatch.setattr(name, interrupted)
+
+
+def resolved(holder: str, attribute: str) -> Callable[..., object]:
+    import pkgutil
+
+    return getattr(pkgutil.resolve_name(holder), attribute)  # type: ignore[no-any-return]
+
+
+def test_signals_wait_for_the_end_of_a_block_and_a_second_one_does_not() -> None:
+    done = []
+
+    def held(times: int) -> None:
+        with held_back():
+            for _ in range(times):
+                signal.raise_signal(signal.SIGINT)
+            done.append(times)
+
+    before = signal.getsignal(signal.SIGINT)
+    for times in (1, 2):
+        with pytest.raises(KeyboardInterrupt):
+            held(times)
+        assert signal.getsignal(signal.SIGINT) is before
+    held(0)
+    assert done == [1, 0]
+    with pytest.raises(ZeroDivisionError), held_back():  # the first fault is told
+        raise ZeroDivisionError
+
+
+def test_the_command_line_gives_signals_back() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    assert main(["list"]) == 0
+    assert signal.getsignal(signal.SIGTERM) is before
+    assert main(["validate", "nowhere.toml"]) == 2
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_it_works_in_a_thread_which_gets_no_signals(tmp_path: Path) -> None:
+    codes = []
+    scenario = tt.load_scenario(
+        "lab_circle",
+        ["plant.kind=analytic", "duration_s=1.0", "output.recording=false", "output.figures=false"],
+    )
+
+    def work() -> None:
+        codes.append(main(["list"]))
+        tt.run(scenario, tmp_path / "out")
+
+    thread = threading.Thread(target=work)
+    thread.start()
+    thread.join()
+    assert codes == [0]
+    assert (tmp_path / "out" / "metrics.json").is_file()

@@ -1,0 +1,77 @@
+"""One process at a time fills a folder, or a part of it; the lock ends with the process."""
+
+from __future__ import annotations
+
+import os
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from ttwmr_mj.errors import InputError
+
+NAME = ".lock"
+
+
+@contextmanager
+def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
+    """Hold a folder while the context lasts.
+
+    Where the system has no such locks, two processes do the same work twice, and nothing worse.
+
+    Args:
+        folder: that is there.
+        part: of it, such as one of several shards.
+        key: what named the folder, for the error.
+
+    Raises:
+        InputError: another process holds it; the message says which.
+    """
+    path = folder / (f"{NAME}-{part}" if part else NAME)
+    file = _taken(path, key)
+    if file is None:
+        yield
+        return
+    with file:
+        try:
+            with suppress(OSError):  # a full disk holds the lock all the same
+                file.truncate(0)
+                file.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+            yield
+        finally:
+            with suppress(OSError):
+                path.unlink()  # while it is held: see `_is_at`
+
+
+def _taken(path: Path, key: str) -> IO[bytes] | None:
+    """The lock's file, open and locked; None where there are no locks."""
+    try:
+        import fcntl
+    except ImportError:
+        return None
+    while True:
+        file = path.open("a+b", buffering=0)
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            with file:
+                file.seek(0)
+                holder = file.read().decode(errors="replace").strip()
+            hint = "wait for it, or give each process its own folder"
+            problem = f"another process fills this folder: {holder}"
+            raise InputError.at(key, problem, got=str(path.parent), hint=hint) from error
+        except OSError:  # a file system without locks
+            file.close()
+            return None
+        if _is_at(path, file):
+            return file
+        file.close()
+
+
+def _is_at(path: Path, file: IO[bytes]) -> bool:
+    """Whether an open file is the one of this name; its holder may have deleted it meanwhile."""
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file.fileno()))
+    except FileNotFoundError:
+        return False

@@ -1,0 +1,74 @@
+"""A run folder summed up from what is in it, as of a run that was killed."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.row_stream import ROWS_FILE, read_run
+from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.experiment import Result
+from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.loop import Outcome, Status
+from ttwmr_mj.runs.metrics import MEASURED, repeatable_metrics, write_metrics
+from ttwmr_mj.runs.verdict import demands_of
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
+
+
+def score_run(folder: Path) -> dict[str, Any]:
+    """Write metrics.json, and trajectory.parquet where it is missing; returns the metrics.
+
+    How the run ended and how long things took is as the folder's metrics.json has it. Without one
+    the run was killed, unless its last row is there; how long things took is null then.
+
+    Raises:
+        InputError: it is no run folder, what it holds cannot be read, or the run still goes on.
+    """
+    if not (folder / "scenario.resolved.toml").is_file():
+        problem = "no run folder, it has no scenario.resolved.toml"
+        raise InputError.at("RUN", problem, got=str(folder))
+    with locked(folder, key="RUN"):
+        scenario = load_scenario(str(folder / "scenario.resolved.toml"))
+        rows = read_run(folder)
+        stored = _stored(folder / "metrics.json")
+        outcome = _outcome_as_stored(stored) if stored else _outcome(rows, scenario)
+        demands = demands_of(scenario, sample_reference(scenario))
+        result = Result(scenario, rows, (outcome,), {}, np.empty(0), demands)
+        metrics = repeatable_metrics(result, scenario)
+        metrics |= {name: stored.get(name) for name in MEASURED}
+        if not (folder / "trajectory.parquet").is_file():
+            write_parquet(rows.to_table(), folder / "trajectory.parquet")
+        write_metrics(folder, metrics)
+        (folder / ROWS_FILE).unlink(missing_ok=True)
+    return metrics
+
+
+def _stored(path: Path) -> dict[str, Any]:
+    """What metrics.json says that no trajectory tells; empty where it is missing or damaged."""
+    try:
+        stored = json.loads(path.read_text(encoding="utf-8"))
+        numbers = [stored["end_time_s"], *(stored[name] or 0.0 for name in MEASURED)]
+        known = stored["status"] in get_args(Status) and isinstance(stored["reason"], str)
+        whole = known and all(isinstance(number, int | float) for number in numbers)
+    except (OSError, ValueError, KeyError, TypeError):
+        return {}
+    return stored if whole else {}
+
+
+def _outcome_as_stored(stored: dict[str, Any]) -> Outcome:
+    return Outcome(stored["status"], stored["reason"], float(stored["end_time_s"]))
+
+
+def _outcome(rows: Trajectory, scenario: Scenario) -> Outcome:
+    """How a run ended that did not say it."""
+    end_s = float(rows.time_s[-1])
+    if len(rows) > scenario.periods and np.isfinite(rows.q).all():
+        return Outcome("ok", "", end_s)
+    return Outcome("killed", f"its process was killed before {scenario.duration_s:g} s", end_s)
