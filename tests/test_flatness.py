@@ -64,7 +64,7 @@ def test_there_and_back(name: str) -> None:
     flat = REFERENCES[name].flat_derivatives(np.linspace(0.0, 9.0, 200))
     sign = 1.0 if REFERENCES[name].side == "outside" else -1.0
     motion = motion_from_flat(flat, sign, ROBOT)
-    back = centre_derivatives(motion.position, motion.theta2, ROBOT)
+    back = centre_derivatives(motion.position, motion.theta2[..., None], ROBOT)
     assert back.shape[1] >= 4
     assert back == pytest.approx(flat[:, : back.shape[1]], abs=1e-12)
 

@@ -156,7 +156,7 @@ def test_the_flat_output_is_that_of_the_load() -> None:
     motion = motion_from_flat(flat, -1.0, LOADED)
     q = np.array([[*motion.position[0, 0], motion.theta1[0, 0], motion.theta2[0, 0]]])
     np.testing.assert_allclose(centre_of_oscillation(q, LOADED), flat[:, 0], atol=1e-14)
-    back = centre_derivatives(motion.position, motion.theta2, LOADED)
+    back = centre_derivatives(motion.position, motion.theta2[..., None], LOADED)
     np.testing.assert_allclose(back, flat[:, :3], atol=1e-12)
     swing = hybrid.trailer_acceleration(motion.theta2[:, 0], motion.position[:, 2], LOADED)
     np.testing.assert_allclose(swing, motion.theta2[:, 2], atol=1e-12)

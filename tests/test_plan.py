@@ -171,7 +171,6 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
         (["--out", "plan.txt"], "a file that ends in .csv"),
         (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
         (["--workspace", "1.0"], "width and height"),
-        (["--scenario", "triple_inverted"], "plans are for one trailer"),
     ],
 )
 def test_options_that_make_no_sense(

@@ -170,6 +170,29 @@ def test_a_flat_ellipse_leads_trains_that_are_flat() -> None:
     np.testing.assert_allclose(rate[1:-1], path.theta_rate[1:-1, 0], atol=1e-3)
 
 
+@pytest.mark.parametrize("side", ["inside", "outside"])
+def test_a_folded_train_needs_room_for_the_second_trailer_beside_the_tractor(side: str) -> None:
+    other = {"inside": "outside", "outside": "inside"}[side]
+    for reach_m, deep_m in ((0.23, 0.034), (0.28, None)):
+        trailers = f"robot.trailers=[{{next_hitch_offset_m={reach_m}}},{{}}]"
+        scenario = tt.load_scenario(
+            "double_inverted", [trailers, f"reference.side={[side, other]}"]
+        )
+        model = build_model(scenario.robot, scenario.plant.contact)
+        data = mujoco.MjData(model)
+        q = sample_reference(scenario).q[0]
+        data.qpos[:] = Joints(model).standing(np.array(model.qpos0), q)[0]
+        mujoco.mj_forward(model, data)
+        deep = {
+            tuple(sorted(model.geom(geom).name for geom in contact.geom)): -contact.dist
+            for contact in data.contact
+            if model.geom("floor").id not in contact.geom
+        }
+        # half the tractor's width and the bed's far end, less the hitch: 0.062 + 0.202 − d
+        expected = {} if deep_m is None else {("tractor_hull", "trailer_2/trailer_hull"): deep_m}
+        assert deep == pytest.approx(expected, abs=1e-5)
+
+
 @pytest.mark.parametrize(
     ("override", "key"),
     [
@@ -187,7 +210,11 @@ def test_a_flat_ellipse_leads_trains_that_are_flat() -> None:
             f"robot={{trailers=[{'{next_hitch_offset_m=0.23},' * 5}{{}}],hitches=[{'{},' * 6}]}}",
             "robot.trailers: got 6 of them; allowed: at most 5 of them",
         ),
-        ("reference={kind='planned',plan='figure_eight'}", "reference.kind"),
+        ("reference={kind='planned',plan='figure_eight'}", "reference.plan.*for 1 trailer, not 2"),
+        (
+            "reference={kind='flat_arc',radius_m=0.5,angles_rad=[0.0,1.0],peak_rate_rad_s=1.0}",
+            "reference.kind",
+        ),
         ("initial.more_trailers_rad=[0.1,0.2]", "initial.more_trailers_rad"),
         ("plant.analytic.published_spring=true", "plant.analytic.published_spring"),
         ("robot.hitches=[{play_m=1e-4},{play_m=1e-4}]", r"robot.hitches.1.play_m"),

@@ -1,10 +1,13 @@
 """Steering trains: the sampled model, the tracking problem, and the law that holds them inside."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 from trains import motley, train
 
 import ttwmr_mj as tt
+from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.shared.tracking_problem import Target, TrackingWeights
 from ttwmr_mj.controllers.shared.train_problem import TrainProblem
 from ttwmr_mj.dynamics.kinematics import q_rate, twist_from_wheels
@@ -12,10 +15,13 @@ from ttwmr_mj.dynamics.sampled_train import SampledTrain
 from ttwmr_mj.dynamics.train import solve, swing_matrix
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import RobotState
+from ttwmr_mj.runs.build import initial_state, make_controller, sample_reference
+from ttwmr_mj.sensing import Estimate
+from ttwmr_mj.state import FloatArray, RobotState
 
 PERIOD = 0.033
 RNG = np.random.default_rng(3)
+MPC = ["controller.kind=mpc", "controller.horizon_samples=20"]
 
 
 @pytest.mark.parametrize("robot", [train(2, damping_n_m_s_rad=1e-3), motley()])
@@ -75,10 +81,33 @@ def test_residuals_change_with_the_state_as_they_say() -> None:
         np.testing.assert_allclose(slope[:, i], (ends[0] - ends[1]) / 2e-6, atol=1e-6)
 
 
+def first_command(scenario: tt.Scenario) -> FloatArray:
+    reference = sample_reference(scenario)
+    controller = make_controller(scenario, Path())
+    controller.start(Task(scenario.robot, reference, PERIOD, 1, RNG))
+    state = initial_state(scenario, reference)
+    seen = Estimate(state, np.zeros(1), np.ones(1, dtype=np.bool_), np.full(1, np.nan))
+    return controller.command(0, seen).wheel_speed_rad_s
+
+
+def test_near_the_reference_plans_are_the_gains() -> None:
+    """With the LQR's cost beyond the horizon, which then makes no difference to first order."""
+    errors = []
+    for offset in (1e-3, 1e-4):
+        start = [f"initial.{angle}_offset_rad={offset}" for angle in ("theta1", "theta2")]
+        near = [*start, f"initial.x_offset_m={offset}", "duration_s=8.0"]
+        mpc = first_command(tt.load_scenario("double_inverted", [*near, *MPC]))
+        errors.append(np.abs(mpc - first_command(tt.load_scenario("double_inverted", near))).max())
+    assert errors[0] < 0.05
+    # the coarser prediction leaves a small linear part beside the quadratic one
+    assert errors[1] < 0.2 * errors[0]
+
+
 @pytest.mark.slow
+@pytest.mark.parametrize("law", [[], MPC], ids=["tvlqr", "mpc"])
 @pytest.mark.parametrize("name", ["double_inverted", "triple_inverted"])
-def test_trailers_inside_are_held_on_the_model(name: str) -> None:
-    scenario = tt.load_scenario(name, ["plant.kind=analytic", "duration_s=7.0"])
+def test_trailers_inside_are_held_on_the_model(name: str, law: list[str]) -> None:
+    scenario = tt.load_scenario(name, ["plant.kind=analytic", "duration_s=7.0", *law])
     rows = tt.simulate(scenario).trajectory
     off = np.abs(rows.q - rows.ref_q)[:, 0]
     assert off[0, 3] == pytest.approx(0.05)

@@ -5,6 +5,8 @@ the observer's state and with its disturbances assumed to last, under the servos
 the hitch's dry friction, smoothed, in the model. The terminal cost is the cost-to-go of the
 time-varying LQR about the reference.
 
+A train of several trailers is steered in the same way (`train_tracking`).
+
 Every period makes one Gauss-Newton step from the last plan (`receding_horizon`). One suffices, as
 the plan is warm-started and the error of one period is small.
 
@@ -23,7 +25,7 @@ deadline misses (`control_overruns` in metrics.json); the command is used all th
 results do not depend on the machine's load.
 """
 
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,6 +34,7 @@ from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
 from ttwmr_mj.controllers.shared.receding_horizon import PREDICTION_SUBSTEP_S, RecedingHorizon
 from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem
+from ttwmr_mj.controllers.shared.train_tracking import TrainHorizon
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.sensing import Estimate
 
@@ -41,6 +44,10 @@ class Mpc(PlanningLaw["MpcOptions"]):
 
     def start(self, task: Task) -> None:
         """Fit the reference and compute its cost to go."""
+        self._train: TrainHorizon | None = None
+        if len(task.robot.trailers) > 1:
+            self._train = TrainHorizon(self._options, task, self._options.horizon_samples)
+            return
         super().start(task)
         smooth = self._friction.planning(self._period, PREDICTION_SUBSTEP_S)
         problem = TrackingProblem(self._robot, smooth, self._options.weights, learns=self._learns)
@@ -53,6 +60,8 @@ class Mpc(PlanningLaw["MpcOptions"]):
 
     def command(self, k: int, estimate: Estimate) -> Command:
         """The first command of the improved plan."""
+        if self._train is not None:
+            return self._train.command(k, estimate)
         now = self._observer.update(estimate)
         k = self._since_plan(k, now)
         everyone = np.ones(self._nsim, dtype=np.bool_)
@@ -63,6 +72,7 @@ class MpcOptions(TrackingOptions):
     """Model predictive control; steers the trailer, even from large errors."""
 
     law = Mpc
+    tows_trains: ClassVar[bool] = True
     kind: Literal["mpc"] = "mpc"
     horizon_samples: int = Field(
         default=30,

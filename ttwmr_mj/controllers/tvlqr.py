@@ -31,7 +31,7 @@ from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
 from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
 from ttwmr_mj.controllers.shared.riccati import apply
 from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem
-from ttwmr_mj.controllers.shared.train_tracking import TrainTracking
+from ttwmr_mj.controllers.shared.train_tracking import TrainGains
 from ttwmr_mj.dynamics.influence import DRY, VISCOUS
 from ttwmr_mj.dynamics.sampled import SLIP
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -44,9 +44,9 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
 
     def start(self, task: Task) -> None:
         """Fit the reference and compute the gains."""
-        self._train: TrainTracking | None = None
+        self._train: TrainGains | None = None
         if len(task.robot.trailers) > 1:
-            self._train = TrainTracking(self._options, task)
+            self._train = TrainGains(self._options, task)
             return
         super().start(task)
         robot, weights, learns = self._robot, self._options.weights, self._learns

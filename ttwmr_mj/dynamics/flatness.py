@@ -124,13 +124,19 @@ def lumped_masses(robot: RobotParameters) -> tuple[float, ...]:
 
 
 def centre_derivatives(
-    position: FloatArray, theta2: FloatArray, robot: RobotParameters
+    position: FloatArray, theta: FloatArray, robot: RobotParameters
 ) -> FloatArray:
-    """F = P − k·(cos θ2, sin θ2) and its derivatives (..., m, 2), from P's and θ2's (..., m)."""
-    swung = np.moveaxis(theta2, -1, 0).copy()
-    swung[0] -= robot.lean_rad
-    direction = _turning(swung)
-    return position - robot.swing_length_m * _plane(np.moveaxis(direction, 0, -1))
+    """F of the last trailer and its derivatives (..., m, 2).
+
+    From those of P (..., m, 2) and of every trailer's angle (..., m, n).
+    """
+    for i, trailer in enumerate(robot.trailers):
+        swung, length = np.moveaxis(theta[..., i], -1, 0).copy(), trailer.next_hitch_offset_m or 0.0
+        if i == len(robot.trailers) - 1:
+            swung[0] -= trailer.lean_rad
+            length = trailer.swing_length_m
+        position = position - length * _plane(np.moveaxis(_turning(swung), 0, -1))
+    return position
 
 
 def point_behind(q: FloatArray, distance_m: float, lean_rad: float = 0.0) -> FloatArray:

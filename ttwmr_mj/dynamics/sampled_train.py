@@ -15,8 +15,14 @@ import numpy as np
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import rolling, to_world, wheel_geometry
 from ttwmr_mj.dynamics.servo import limit_speed, ramp_and_angle
-from ttwmr_mj.dynamics.train import hitch_torques, on_trailers, solve, swing_matrix
-from ttwmr_mj.dynamics.train import trailer_accelerations as accelerations
+from ttwmr_mj.dynamics.train import (
+    accelerations_of,
+    constants,
+    hitch_torques,
+    on_trailers,
+    solve,
+    swing_matrix,
+)
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -41,15 +47,21 @@ class SampledTrain:
         period_s: float,
         smoothing_rad_s: float,
         ground: Ground = LEVEL,
+        substep_s: float = SUBSTEP_S,
     ) -> None:
         """Set up; dry friction at a hitch rate s is s/√(s² + ε²) of its full size, ε given."""
         self.period_s, self.trailers = period_s, len(robot.trailers)
         self._robot, self._servo = robot, robot.servo
         self._wheels, self._pull = wheel_geometry(robot), ground.gravity_m_s2
         self._reach = robot.servo.acceleration_limit_rad_s2 * period_s
+        self._constants = constants(robot)
+        self._without_torque = not any(
+            hitch.stiffness_n_m_rad or hitch.damping_n_m_s_rad or hitch.coulomb_friction_n_m
+            for hitch in robot.hitches
+        )
         self._dry = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
         self._smoothing = smoothing_rad_s
-        self._substeps = math.ceil(period_s / SUBSTEP_S)
+        self._substeps = math.ceil(period_s / substep_s)
 
     def advance(
         self,
@@ -119,14 +131,19 @@ class SampledTrain:
         v: FloatArray,
         tractor: tuple[FloatArray, FloatArray],
     ) -> FloatArray:
+        if self._without_torque:
+            return accelerations_of(self._constants, theta, rate, v)
         theta1, turn = tractor
         hitch, slide = self._hitch_rates(theta, theta1), self._hitch_rates(rate, turn)
         torque = hitch_torques(hitch, slide, self._robot) + self._rubbing(slide)
-        return accelerations(theta, rate, v, self._robot, on_trailers(torque))
+        return accelerations_of(self._constants, theta, rate, v, on_trailers(torque))
 
     def _rubbing(self, slide: FloatArray) -> FloatArray:
         return np.asarray(-self._dry * slide / np.hypot(slide, self._smoothing))
 
     @staticmethod
     def _hitch_rates(trailers: FloatArray, tractor: FloatArray) -> FloatArray:
-        return np.diff(np.concatenate([tractor[..., None], trailers], axis=-1), axis=-1)
+        rates = trailers.copy()
+        rates[..., 0] -= tractor
+        rates[..., 1:] -= trailers[..., :-1]
+        return rates

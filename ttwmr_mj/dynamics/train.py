@@ -36,6 +36,15 @@ class Link(NamedTuple):
     reach_m: float  # d; zero for the last
 
 
+class Constants(NamedTuple):
+    """What a robot gives the equations."""
+
+    moment_kg_m: FloatArray  # (n,) b
+    lean_rad: FloatArray  # (n,) β
+    size_kg_m2: FloatArray  # (n, n) A
+    turned_rad: FloatArray  # (n, n) what leans add to Δ
+
+
 class Jacobians(NamedTuple):
     """How the angular accelerations (..., n) change to first order."""
 
@@ -118,8 +127,22 @@ def trailer_accelerations(
     if theta.shape[-1] == 1:
         torque = np.asarray(torque_n_m)[..., 0] if np.ndim(torque_n_m) else torque_n_m
         return trailer_acceleration(theta[..., 0], acceleration_m_s2, robot, torque)[..., None]
-    load = pivot_torque(theta, acceleration_m_s2, robot) - swing_bias(theta, rate, robot)
-    return solve(swing_matrix(theta, robot), load + torque_n_m)
+    return accelerations_of(constants(robot), theta, rate, acceleration_m_s2, torque_n_m)
+
+
+def accelerations_of(
+    train: Constants,
+    theta: FloatArray,
+    rate: FloatArray,
+    acceleration_m_s2: FloatArray,
+    torque_n_m: FloatArray | float = 0.0,
+) -> FloatArray:
+    """`trailer_accelerations` of `constants`, for who asks often: a robot's hash takes time."""
+    angle = _apart(theta, train)
+    x, y = acceleration_m_s2[..., 0, None], acceleration_m_s2[..., 1, None]
+    load = train.moment_kg_m * sideways(theta - train.lean_rad, x, y)
+    bias = _sum(train.size_kg_m2 * np.sin(angle) * (rate**2)[..., None, :])
+    return solve(train.size_kg_m2 * np.cos(angle), load - bias + torque_n_m)
 
 
 def jacobians(
@@ -153,20 +176,17 @@ def solve(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     """(..., n) solutions of matrices (..., n, n), each by itself whatever the batch."""
     if vector.shape[-1] == 1:
         return np.asarray(vector / matrix[..., 0])
+    if vector.shape[-1] == 2:  # Cramer's rule: a third of the time
+        turned = np.stack([matrix[..., 1, 1], -matrix[..., 1, 0]], axis=-1) * vector[..., :1]
+        turned += np.stack([-matrix[..., 0, 1], matrix[..., 0, 0]], axis=-1) * vector[..., 1:]
+        cross = matrix[..., 0, 1] * matrix[..., 1, 0]
+        return np.asarray(turned / (matrix[..., 0, 0] * matrix[..., 1, 1] - cross)[..., None])
     return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
 
 
-class _Constants(NamedTuple):
-    """What a robot gives the equations; made once."""
-
-    moment_kg_m: FloatArray  # (n,) b
-    lean_rad: FloatArray  # (n,) β
-    size_kg_m2: FloatArray  # (n, n) A
-    turned_rad: FloatArray  # (n, n) what leans add to Δ
-
-
 @lru_cache(maxsize=256)
-def _constants(robot: RobotParameters) -> _Constants:
+def constants(robot: RobotParameters) -> Constants:
+    """Those of a robot's trailers, front to back."""
     chain = links(robot)
     size = np.diag([link.inertia_kg_m2 for link in chain])
     turned = np.zeros_like(size)
@@ -175,19 +195,22 @@ def _constants(robot: RobotParameters) -> _Constants:
             size[i, j] = size[j, i] = chain[i].reach_m * link.moment_kg_m
             turned[i, j], turned[j, i] = link.lean_rad, -link.lean_rad
     moment = np.array([link.moment_kg_m for link in chain])
-    return _Constants(moment, np.array([link.lean_rad for link in chain]), size, turned)
+    return Constants(moment, np.array([link.lean_rad for link in chain]), size, turned)
 
 
 def _moments(robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
     """First moments b and leans β, (n,) each."""
-    return _constants(robot)[:2]
+    return constants(robot)[:2]
 
 
 def _couplings(theta: FloatArray, robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
     """A_ij (n, n) and Δ_ij (..., n, n)."""
-    constants = _constants(robot)
-    apart = theta[..., :, None] - theta[..., None, :]
-    return constants.size_kg_m2, apart + constants.turned_rad
+    train = constants(robot)
+    return train.size_kg_m2, _apart(theta, train)
+
+
+def _apart(theta: FloatArray, train: Constants) -> FloatArray:
+    return np.asarray(theta[..., :, None] - theta[..., None, :] + train.turned_rad)
 
 
 def _sum(terms: FloatArray) -> FloatArray:

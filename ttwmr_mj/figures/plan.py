@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 SIZE_IN = (5.0, 6.6)
 POSES = 9
+DASHES = ("-", "--", "-.", ":", (0, (1, 3)))  # of hitches, front to back
 
 
 def write_plan_figure(
@@ -90,8 +91,10 @@ def _draw_wheels(
 
 
 def _draw_hitch(axes: Axes, reference: ReferencePath, limit: float) -> None:
-    angle = np.degrees(reference.theta2_rad - reference.theta1_rad)[:, 0]
-    axes.plot(reference.time_s, angle, color=style.HITCH, label="θ2 − θ1")
+    angle = np.degrees(np.diff(reference.theta[:, 0], axis=-1))
+    for i, (values, dash) in enumerate(zip(angle.T, DASHES, strict=False), start=1):
+        label = f"θ{i + 1} − θ{i}"
+        axes.plot(reference.time_s, values, color=style.HITCH, linestyle=dash, label=label)
     _limits(axes, float(np.degrees(limit)), float(angle.min()))
     axes.set(xlabel="time [s]", ylabel="hitch [°]")
     axes.margins(x=0.01)

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +13,7 @@ from ttwmr_mj.planning.limits import limits_of
 from ttwmr_mj.planning.rest_to_rest import plan_rest_to_rest
 from ttwmr_mj.planning.through_points import Request, plan_through
 from ttwmr_mj.planning.transcription import Limits, Plan
-from ttwmr_mj.robot import Hitch, RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters, Trailer
 
 ROBOT = RobotParameters()
 # Shares of the servo presets' limits, so that feedback has the rest: of the fast one's 40 rad/s and
@@ -25,6 +26,12 @@ START, ASIDE, CORNER = (-0.4, -0.2, 0.0), (0.4, 0.2, 0.0), (0.35, 0.2, 0.5 * np.
 
 COURSE = ((0.45, 0.0), (0.3, 0.35), (-0.1, 0.2), (-0.45, 0.3), (-0.4, -0.25), (0.15, -0.35))
 DAMPED = RobotParameters(hitch=Hitch(damping_n_m_s_rad=1e-3))  # as scenarios/waypoints.toml has it
+TRAILERS = (Trailer(next_hitch_offset_m=0.23), Trailer())
+TWO = RobotParameters(trailers=TRAILERS, hitches=(Hitch(), Hitch()))
+ROOM_M, BEDS_RAD = (2.4, 1.8), 1.4  # of two trailers: space, and hitch angles
+FAST_TWO = replace(FAST, workspace_m=ROOM_M, hitch_angle_rad=BEDS_RAD)
+FAST_MOVING_TWO = replace(FAST_MOVING, workspace_m=ROOM_M, hitch_angle_rad=BEDS_RAD)
+WEST, EAST, BACK = (-0.5, -0.2, 0.0), (0.6, 0.2, 0.0), (-0.5, 0.3, np.pi)
 
 PLANS: dict[str, Callable[[], Plan]] = {
     "figure_eight": lambda: plan_figure_eight(ROBOT, FAST_MOVING, 12.0),
@@ -36,22 +43,29 @@ PLANS: dict[str, Callable[[], Plan]] = {
     ),
     "quarter_turn": lambda: plan_rest_to_rest(ROBOT, FAST, START, CORNER, 6.0, 0.1),
 }
+DOUBLE: dict[str, Callable[[], Plan]] = {
+    "double_eight": lambda: plan_figure_eight(TWO, FAST_MOVING_TWO, 16.0),
+    "double_rest_to_rest": lambda: plan_rest_to_rest(TWO, FAST_TWO, WEST, EAST, 8.0, 0.1),
+    "double_u_turn": lambda: plan_rest_to_rest(TWO, FAST_TWO, WEST, BACK, 12.0, 0.1),
+}
 
 
 def main() -> None:
     """Solve and write."""
+    known = PLANS | DOUBLE
     parser = argparse.ArgumentParser(prog="python -m ttwmr_mj.planning", description=__doc__)
-    parser.add_argument("names", nargs="*", help=f"any of {', '.join(PLANS)}; default: all")
+    parser.add_argument("names", nargs="*", help=f"any of {', '.join(known)}; default: all")
     shipped = Path(__file__).parents[1] / "references" / "data"
     parser.add_argument("--out", type=Path, default=shipped, help="folder for the plans")
     arguments = parser.parse_args()
-    unknown = [name for name in arguments.names if name not in PLANS]
+    unknown = [name for name in arguments.names if name not in known]
     if unknown:
-        parser.error(f"no plan called {', '.join(unknown)}; there are {', '.join(PLANS)}")
-    for name in arguments.names or PLANS:
-        plan = PLANS[name]()
+        parser.error(f"no plan called {', '.join(unknown)}; there are {', '.join(known)}")
+    for name in arguments.names or known:
+        plan = known[name]()
         path = arguments.out / f"{name}.csv"
-        write_knots(path, plan, ROBOT, f"python -m ttwmr_mj.planning {name}")
+        robot = TWO if name in DOUBLE else ROBOT
+        write_knots(path, plan, robot, f"python -m ttwmr_mj.planning {name}")
         print(f"{path}: {plan.time_s.size} knots, {plan.iterations} iterations")
 
 

@@ -1,11 +1,24 @@
-"""From rest to rest: tractor and trailer at rest and aligned, at the start and at the end."""
+"""From rest to rest: tractor and trailers at rest and aligned, at the start and at the end."""
 
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ttwmr_mj.planning.transcription import RATE, THETA1, THETA2, U1, U2, Limits, Plan, X, Y, solve
+from ttwmr_mj.planning.transcription import (
+    A1,
+    A2,
+    THETA1,
+    U1,
+    U2,
+    Limits,
+    Plan,
+    X,
+    Y,
+    solve,
+    state_count,
+    trailer_rows,
+)
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -14,7 +27,7 @@ JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³
 
 START_S, BRAKE_S = 1.0, 0.8  # in which P may be slower than the cruise
 
-Pose = tuple[float, float, float]  # x [m], y [m], θ1 = θ2 [rad]
+Pose = tuple[float, float, float]  # x [m], y [m], all angles [rad]
 
 
 def plan_rest_to_rest(
@@ -38,17 +51,19 @@ def plan_rest_to_rest(
 
     def ends(problem: Any, states: Any, jerks: Any) -> None:
         for column, (x, y, theta) in ((0, start), (-1, goal)):
-            problem.subject_to(states[:4, column] == ca.DM([x, y, theta, theta]))
-            problem.subject_to(states[4:, column] == 0.0)
+            problem.subject_to(states[:3, column] == ca.DM([x, y, theta]))
+            for angle, rate in trailer_rows(robot):
+                problem.subject_to(states[[angle, rate], column] == ca.DM([theta, 0.0]))
+            problem.subject_to(states[[U1, U2, A1, A2], column] == 0.0)
             problem.subject_to(jerks[:, column] == 0.0)
         starting, braking = round(START_S / STEP_S), round(BRAKE_S / STEP_S)
         problem.subject_to(states[U1, starting:-braking] >= cruise_m_s)
 
-    return solve(robot, limits, time_s, _guess(time_s, start, goal), cost, ends)
+    return solve(robot, limits, time_s, _guess(time_s, robot, start, goal), cost, ends)
 
 
-def _guess(time_s: FloatArray, start: Pose, goal: Pose) -> FloatArray:
-    """(n, 9) a cubic from pose to pose at a bell-shaped pace, the trailer in line."""
+def _guess(time_s: FloatArray, robot: RobotParameters, start: Pose, goal: Pose) -> FloatArray:
+    """(n, states) a cubic from pose to pose at a bell-shaped pace, all in line."""
     s = time_s / time_s[-1]
     pace = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
     (x0, y0, theta0), (x1, y1, theta1) = start, goal
@@ -58,8 +73,10 @@ def _guess(time_s: FloatArray, start: Pose, goal: Pose) -> FloatArray:
     x = h00 * x0 + h10 * size * np.cos(theta0) + h01 * x1 + h11 * size * np.cos(theta1)
     y = h00 * y0 + h10 * size * np.sin(theta0) + h01 * y1 + h11 * size * np.sin(theta1)
     theta = theta0 + (theta1 - theta0) * pace
-    guess = np.zeros((time_s.size, 9))
-    guess[:, X], guess[:, Y], guess[:, THETA1], guess[:, THETA2] = x, y, theta, theta
+    guess = np.zeros((time_s.size, state_count(robot)))
+    guess[:, X], guess[:, Y], guess[:, THETA1] = x, y, theta
     guess[:, U1] = np.hypot(np.gradient(x, time_s), np.gradient(y, time_s))
-    guess[:, U2] = guess[:, RATE] = np.gradient(theta, time_s)
+    guess[:, U2] = np.gradient(theta, time_s)
+    for angle, rate in trailer_rows(robot):
+        guess[:, angle], guess[:, rate] = theta, guess[:, U2]
     return guess

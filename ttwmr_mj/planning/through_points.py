@@ -1,4 +1,4 @@
-"""From points to a motion of tractor and trailer: P passes through all of them, in order.
+"""From points to a motion of tractor and trailers: P passes through all of them, in order.
 
 From rest to rest, aligned at both ends, or round and round. Between the points the way is free, and
 so is how the time is shared among the legs; what is minimised is the jerk, in units that grow with
@@ -24,17 +24,18 @@ from ttwmr_mj.planning.elastic import Elastic, Exceeded
 from ttwmr_mj.planning.transcription import (
     A1,
     A2,
-    RATE,
-    STATES,
     THETA1,
-    THETA2,
     U1,
     U2,
     Limits,
     Plan,
     X,
     Y,
+    hitch_angles,
     knot_to_knot,
+    reaches,
+    state_count,
+    trailer_rows,
 )
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -139,7 +140,7 @@ class _Guess:
 
     knots: tuple[int, ...]  # of each leg
     legs_s: FloatArray  # (legs,) times
-    state: FloatArray  # (n, 9)
+    state: FloatArray  # (n, states)
 
     @property
     def duration_s(self) -> float:
@@ -161,7 +162,7 @@ def _guess(request: Request, robot: RobotParameters, duration_s: float) -> _Gues
     if not request.closed:
         weight[[0, -1]] *= ENDS
     times = duration_s * weight / weight.sum()
-    blank = _Guess(knots, times, np.zeros((sum(knots) + 1, STATES)))
+    blank = _Guess(knots, times, np.zeros((sum(knots) + 1, state_count(robot))))
     time_s = blank.time_s
     at = np.concatenate([[0.0], np.cumsum(times)])
     ends = "periodic" if request.closed else ((1, np.zeros(2)), (1, np.zeros(2)))
@@ -172,8 +173,9 @@ def _guess(request: Request, robot: RobotParameters, duration_s: float) -> _Gues
         theta1[0], theta1[-1] = theta1[1], theta1[-2]
     turn = np.gradient(theta1, time_s)
     state[:, [X, Y]], state[:, THETA1] = spline(time_s), theta1
-    state[:, THETA2] = theta1 + 0.5 * np.pi * np.tanh(turn / (turn.std() + 1e-9))
-    state[:, RATE] = np.gradient(state[:, THETA2], time_s)
+    outside = theta1 + 0.5 * np.pi * np.tanh(turn / (turn.std() + 1e-9))
+    for angle, rate in trailer_rows(robot):
+        state[:, angle], state[:, rate] = outside, np.gradient(outside, time_s)
     state[:, U1], state[:, U2] = np.hypot(vx, vy), turn
     return blank
 
@@ -187,7 +189,7 @@ def _solve(
 ) -> tuple[Found, list[Exceeded]]:
     """What is found, and which limits gave way."""
     problem, n = ca.Opti(), sum(guess.knots) + 1
-    states, jerks = problem.variable(STATES, n), problem.variable(2, n)
+    states, jerks = problem.variable(state_count(robot), n), problem.variable(2, n)
     legs_s = problem.variable(1, len(guess.knots))
     steps = ca.horzcat(
         *(ca.repmat(legs_s[0, i] / count, 1, count) for i, count in enumerate(guess.knots))
@@ -205,7 +207,10 @@ def _solve(
     at = np.concatenate([[0], np.cumsum(guess.knots)])[: len(request.points_m)]
     for knot, point in zip(at, request.points_m, strict=True):
         problem.subject_to(states[:2, int(knot)] == point)
-    _close(problem, states, jerks, guess) if request.closed else _rest(problem, states, jerks)
+    if request.closed:
+        _close(problem, states, jerks, guess, robot)
+    else:
+        _rest(problem, states, jerks, robot)
     elastic = Elastic(problem)
     mean = float(request.legs_m.sum()) / guess.duration_s
     _limit(elastic, states, robot, limits, LEAST_SPEED * mean, _moving(request, guess))
@@ -234,20 +239,22 @@ def _solve(
     return Found(plan, time_s[at], elastic.used(value_of)), elastic.exceeded(value_of)
 
 
-def _close(problem: Any, states: Any, jerks: Any, guess: _Guess) -> None:
+def _close(problem: Any, states: Any, jerks: Any, guess: _Guess, robot: RobotParameters) -> None:
     """It ends as it began, but for whole turns."""
     turns = round(float(guess.state[-1, THETA1] - guess.state[0, THETA1]) / (2.0 * np.pi))
-    round_trip = np.zeros(STATES)
-    round_trip[[THETA1, THETA2]] = 2.0 * np.pi * turns
+    round_trip = np.zeros(state_count(robot))
+    round_trip[[THETA1, *(angle for angle, _ in trailer_rows(robot))]] = 2.0 * np.pi * turns
     problem.subject_to(states[:, -1] == states[:, 0] + round_trip)
     problem.subject_to(jerks[:, -1] == jerks[:, 0])
 
 
-def _rest(problem: Any, states: Any, jerks: Any) -> None:
-    """At rest at both ends, the trailer behind the tractor."""
+def _rest(problem: Any, states: Any, jerks: Any, robot: RobotParameters) -> None:
+    """At rest at both ends, the trailers in line behind the tractor."""
     for column in (0, -1):
-        problem.subject_to(states[THETA2, column] == states[THETA1, column])
-        problem.subject_to(states[RATE:, column] == 0.0)
+        for angle, rate in trailer_rows(robot):
+            problem.subject_to(states[angle, column] == states[THETA1, column])
+            problem.subject_to(states[rate, column] == 0.0)
+        problem.subject_to(states[[U1, U2, A1, A2], column] == 0.0)
         problem.subject_to(jerks[:, column] == 0.0)
 
 
@@ -275,12 +282,12 @@ def _limit(
         elastic.within("wheel acceleration", change, limits.wheel_acceleration_rad_s2)
     sideways = states[U1, :] * states[U2, :]
     elastic.within("lateral acceleration", sideways, limits.lateral_acceleration_m_s2)
-    elastic.within("trailer's turn rate", states[RATE, :], limits.trailer_rate_rad_s)
-    elastic.within("hitch angle", states[THETA2, :] - states[THETA1, :], limits.hitch_angle_rad)
+    for _, rate in trailer_rows(robot):
+        elastic.within("trailer's turn rate", states[rate, :], limits.trailer_rate_rad_s)
+    for angle in hitch_angles(states, robot):
+        elastic.within("hitch angle", angle, limits.hitch_angle_rad)
     elastic.at_least("least speed", states[U1, moving], least_m_s)
-    for angle, reach in ((THETA1, limits.ahead_m), (THETA2, -limits.behind_m), (X, 0.0)):
-        x = states[X, :] + reach * ca.cos(states[angle, :])
-        y = states[Y, :] + reach * ca.sin(states[angle, :])
+    for x, y in reaches(states, robot, limits):
         elastic.within("workspace", x, 0.5 * limits.workspace_m[0])
         elastic.within("workspace", y, 0.5 * limits.workspace_m[1])
 

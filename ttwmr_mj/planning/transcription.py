@@ -1,8 +1,9 @@
 """The robot's motion as a nonlinear programme: direct multiple shooting on the hybrid model.
 
-States (9): x, y, θ1, θ2, θ̇2, u1, u2 and their rates u̇1, u̇2; input (2): ü1, ü2, linear between
-knots. So wheel speeds are twice continuously differentiable, P three times, and the fourth
-derivative of P is continuous. The trailer swings by Eq. 24 and 27-28,
+States (9): x, y, θ1, θ2, θ̇2, u1, u2 and their rates u̇1, u̇2, then the angle and rate of every
+trailer behind the first; input (2): ü1, ü2, linear between knots. So wheel speeds are twice
+continuously differentiable, P three times, and the fourth derivative of P is continuous. Trailers
+swing as in `dynamics.train`, which for one is Eq. 24 with 27-28,
 
     θ̈2 = (u1·u2·cos φ − u̇1·sin φ)/k − (k_t·φ + c_t·φ')/J,      φ = θ2 − θ1.
 
@@ -11,18 +12,20 @@ Classical Runge-Kutta from knot to knot: with knots 50 ms apart, to 1e-6.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
 import numpy as np
 
+from ttwmr_mj.dynamics.train import constants
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
 X, Y, THETA1, THETA2, RATE, U1, U2, A1, A2 = range(9)
-STATES, INPUTS = 9, 2
+FIRST, INPUTS = 9, 2  # states of a tractor with one trailer, inputs
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +35,11 @@ class Limits:
     Attributes:
         wheel_speed_rad_s, wheel_acceleration_rad_s2: of each wheel.
         lateral_acceleration_m_s2: |u1·u2|, against slip.
-        trailer_rate_rad_s: |θ̇2|.
-        hitch_angle_rad: |θ2 − θ1|; beyond, the trailer's bed meets the tractor's deck.
+        trailer_rate_rad_s: |θ̇2|, of every trailer.
+        hitch_angle_rad: |θ2 − θ1|, of every hitch; beyond, the bed meets the deck before it.
         speed_m_s: least and greatest u1.
         workspace_m: width and height of the rectangle about the origin that the robot stays in.
-        ahead_m, behind_m: reach of the tractor ahead of P and of the trailer behind it.
+        ahead_m, behind_m: reach of the tractor ahead of P and of a trailer behind its hitch.
     """
 
     wheel_speed_rad_s: float
@@ -55,35 +58,105 @@ class Plan:
     """A solution at its knots."""
 
     time_s: FloatArray  # (n,)
-    state: FloatArray  # (n, 9)
+    state: FloatArray  # (n, states)
     iterations: int  # of the solver
+
+
+def trailer_rows(robot: RobotParameters) -> list[tuple[int, int]]:
+    """Of each trailer, front to back: where its angle and its rate are in a state."""
+    behind = range(FIRST, FIRST + 2 * (len(robot.trailers) - 1), 2)
+    return [(THETA2, RATE), *((row, row + 1) for row in behind)]
+
+
+def state_count(robot: RobotParameters) -> int:
+    """Numbers of a state."""
+    return FIRST + 2 * (len(robot.trailers) - 1)
+
+
+def hitch_angles(states: Any, robot: RobotParameters) -> list[Any]:
+    """θ2 − θ1, θ3 − θ2, … of states (states, n), symbolic or not."""
+    rows = [THETA1, *(angle for angle, _ in trailer_rows(robot))]
+    return [states[row, :] - states[before, :] for before, row in pairwise(rows)]
+
+
+def reaches(states: Any, robot: RobotParameters, limits: Limits) -> list[tuple[Any, Any]]:
+    """(x, y) of what must stay in the workspace: P, the tractor's front, every trailer's rear."""
+    x, y = states[X, :], states[Y, :]
+    front = states[THETA1, :]
+    points = [(x, y), (x + limits.ahead_m * ca.cos(front), y + limits.ahead_m * ca.sin(front))]
+    for (row, _), trailer in zip(trailer_rows(robot), robot.trailers, strict=True):
+        cos, sin = ca.cos(states[row, :]), ca.sin(states[row, :])
+        points.append((x - limits.behind_m * cos, y - limits.behind_m * sin))
+        reach = trailer.next_hitch_offset_m or 0.0
+        x, y = x - reach * cos, y - reach * sin
+    return points
+
+
+def last_centre(states: Any, robot: RobotParameters) -> Any:
+    """(2, n) the last trailer's centre of oscillation, symbolic."""
+    x, y = states[X, :], states[Y, :]
+    reach = [trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers[:-1]]
+    lengths = [*reach, robot.trailers[-1].swing_length_m]
+    for (row, _), length in zip(trailer_rows(robot), lengths, strict=True):
+        x, y = x - length * ca.cos(states[row, :]), y - length * ca.sin(states[row, :])
+    return ca.vertcat(x, y)
 
 
 def rate_of(state: Any, jerk: Any, robot: RobotParameters) -> Any:
     """d/dt of the state, symbolic."""
-    phi = state[THETA2] - state[THETA1]
-    hitch = robot.hitch
-    torque = hitch.damping_n_m_s_rad * (state[RATE] - state[U2])
-    if hitch.stiffness_n_m_rad:  # else φ may turn round and round
-        torque = torque + hitch.stiffness_n_m_rad * phi
-    swing = state[U1] * state[U2] * ca.cos(phi) - state[A1] * ca.sin(phi)
+    cos, sin = ca.cos(state[THETA1]), ca.sin(state[THETA1])
+    swings = _swings(state, robot)
     return ca.vertcat(
-        state[U1] * ca.cos(state[THETA1]),
-        state[U1] * ca.sin(state[THETA1]),
+        state[U1] * cos,
+        state[U1] * sin,
         state[U2],
         state[RATE],
-        swing / robot.swing_length_m - torque / robot.swing_inertia_kg_m2,
+        swings[0],
         state[A1],
         state[A2],
         jerk[0],
         jerk[1],
+        *(
+            part
+            for (_, rate), swing in zip(trailer_rows(robot)[1:], swings[1:], strict=True)
+            for part in (state[rate], swing)
+        ),
     )
+
+
+def _swings(state: Any, robot: RobotParameters) -> list[Any]:
+    """θ̈ of every trailer, symbolic: `dynamics.train`, in the tractor's frame."""
+    train, rows = constants(robot), trailer_rows(robot)
+    n = len(rows)
+    torques = [*_hitch_torques(state, robot), 0.0]
+    matrix, load = ca.SX(n, n), ca.SX(n, 1)
+    for i, (angle, _) in enumerate(rows):
+        phi = state[angle] - state[THETA1] - float(train.lean_rad[i])
+        push = state[U1] * state[U2] * ca.cos(phi) - state[A1] * ca.sin(phi)
+        load[i] = float(train.moment_kg_m[i]) * push + torques[i] - torques[i + 1]
+        for j, (other, rate) in enumerate(rows):
+            apart = state[angle] - state[other] + float(train.turned_rad[i, j])
+            matrix[i, j] = float(train.size_kg_m2[i, j]) * ca.cos(apart)
+            if i != j:
+                load[i] -= float(train.size_kg_m2[i, j]) * ca.sin(apart) * state[rate] ** 2
+    return ca.vertsplit(ca.inv_minor(matrix) @ load)
+
+
+def _hitch_torques(state: Any, robot: RobotParameters) -> list[Any]:
+    """Of every hitch on the trailer behind it."""
+    rows, torques = [(THETA1, U2), *trailer_rows(robot)], []
+    for hitch, before, behind in zip(robot.hitches, rows[:-1], rows[1:], strict=True):
+        torque = -hitch.damping_n_m_s_rad * (state[behind[1]] - state[before[1]])
+        if hitch.stiffness_n_m_rad:  # else the angle may turn round and round
+            torque -= hitch.stiffness_n_m_rad * (state[behind[0]] - state[before[0]])
+        torques.append(torque)
+    return torques
 
 
 def knot_to_knot(robot: RobotParameters) -> Any:
     """CasADi function (state, jerk at the start, jerk at the end, time step) → next state."""
-    state, first, last = ca.MX.sym("x", STATES), ca.MX.sym("j", INPUTS), ca.MX.sym("l", INPUTS)
-    step_s = ca.MX.sym("h")
+    state, first = ca.SX.sym("x", state_count(robot)), ca.SX.sym("j", INPUTS)
+    last, step_s = ca.SX.sym("l", INPUTS), ca.SX.sym("h")
     middle = 0.5 * (first + last)
     k1 = rate_of(state, first, robot)
     k2 = rate_of(state + 0.5 * step_s * k1, middle, robot)
@@ -107,8 +180,8 @@ def solve(
         robot: geometry and hitch.
         limits: bounds.
         time_s: (n,) uniform knots.
-        guess: (n, 9) first guess of the states.
-        cost: of the state and jerk matrices (9, n) and (2, n).
+        guess: (n, states) first guess of the states.
+        cost: of the state and jerk matrices (states, n) and (2, n).
         ends: adds the boundary conditions: (problem, states, jerks).
 
     Raises:
@@ -116,7 +189,7 @@ def solve(
     """
     problem = ca.Opti()
     n = time_s.size
-    states, jerks = problem.variable(STATES, n), problem.variable(INPUTS, n)
+    states, jerks = problem.variable(state_count(robot), n), problem.variable(INPUTS, n)
     step, step_s = knot_to_knot(robot).map(n - 1), float(time_s[1] - time_s[0])
     steps = ca.repmat(step_s, 1, n - 1)
     problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
@@ -125,7 +198,7 @@ def solve(
     problem.minimize(cost(states, jerks))
     problem.set_initial(states, guess.T)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-9}
-    problem.solver("ipopt", {"print_time": False}, quiet)
+    problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
     try:
         solution = problem.solve()
     except RuntimeError as error:
@@ -141,16 +214,14 @@ def _bound(problem: Any, states: Any, robot: RobotParameters, limits: Limits) ->
         _within(problem, speed, limits.wheel_speed_rad_s)
         _within(problem, change, limits.wheel_acceleration_rad_s2)
     _within(problem, states[U1, :] * states[U2, :], limits.lateral_acceleration_m_s2)
-    _within(problem, states[RATE, :], limits.trailer_rate_rad_s)
-    _within(problem, states[THETA2, :] - states[THETA1, :], limits.hitch_angle_rad)
+    for _, rate in trailer_rows(robot):
+        _within(problem, states[rate, :], limits.trailer_rate_rad_s)
+    for angle in hitch_angles(states, robot):
+        _within(problem, angle, limits.hitch_angle_rad)
     problem.subject_to(problem.bounded(limits.speed_m_s[0], states[U1, :], limits.speed_m_s[1]))
-    for angle, reach in ((THETA1, limits.ahead_m), (THETA2, -limits.behind_m), (X, 0.0)):
-        _within(
-            problem, states[X, :] + reach * ca.cos(states[angle, :]), 0.5 * limits.workspace_m[0]
-        )
-        _within(
-            problem, states[Y, :] + reach * ca.sin(states[angle, :]), 0.5 * limits.workspace_m[1]
-        )
+    for x, y in reaches(states, robot, limits):
+        _within(problem, x, 0.5 * limits.workspace_m[0])
+        _within(problem, y, 0.5 * limits.workspace_m[1])
 
 
 def _within(problem: Any, value: Any, bound: float) -> None:

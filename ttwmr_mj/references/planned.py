@@ -1,16 +1,18 @@
 """References found by trajectory optimisation (`ttwmr_mj.planning`), shipped as tables of knots."""
 
 import io
+import math
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Literal, Self
+from typing import ClassVar, Literal, Self
 
 import numpy as np
 from pydantic import Field, ValidationInfo, field_validator
 from scipy.interpolate import BSpline, make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import centre_derivatives
+from ttwmr_mj.dynamics.train import constants
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.files import placed
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -19,13 +21,12 @@ from ttwmr_mj.references.shared.time_law import ORDERS
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
-COLUMNS = ("time_s", "x_m", "y_m", "theta1_rad", "theta2_rad")
 ENDS = ("as it began", "at rest")
 DEGREE = 7  # of the spline through the knots: six continuous derivatives
 LARGEST = 1e6  # m, rad or s
 SHORTEST_S = 1e-3  # between knots
-AT_REST = [(order, np.zeros(4)) for order in (1, 2, 3)]
-LENGTH_TOLERANCE_M = 1e-4  # of the swing length; a wrong one moves F by the difference
+LENGTH_TOLERANCE_M = 1e-4  # of lengths below; a wrong swing length moves F by the difference
+ONE_LENGTH, LENGTHS = "swing_length_m", "lengths_m"  # header entries of one trailer, of several
 PLANS = "`ttwmr plan` writes such files; shipped plans have no ending"
 
 
@@ -35,13 +36,34 @@ def shipped_plans() -> list[str]:
     return sorted(entry.name[:-4] for entry in folder.iterdir() if entry.name.endswith(".csv"))
 
 
+def columns(trailers: int) -> tuple[str, ...]:
+    """Of a plan's table."""
+    return "time_s", "x_m", "y_m", *(f"theta{i}_rad" for i in range(1, trailers + 2))
+
+
+def motion_lengths(robot: RobotParameters) -> FloatArray:
+    """(n²,) A_ij/b_i of `dynamics.train` [m], on which alone depends how free trailers move.
+
+    Of one trailer that is k, its swing length.
+    """
+    train = constants(robot)
+    return np.ravel(train.size_kg_m2 / train.moment_kg_m[:, None])
+
+
+def lengths_entry(robot: RobotParameters) -> str:
+    """What a plan's header says of the robot it is for."""
+    if len(robot.trailers) == 1:
+        return f"{ONE_LENGTH}: {robot.swing_length_m!r}"
+    return f"{LENGTHS}: {' '.join(f'{length:.9g}' for length in motion_lengths(robot))}"
+
+
 @dataclass(frozen=True, slots=True)
 class Knots:
-    """P and both angles at knots."""
+    """P and all angles at knots."""
 
     time_s: FloatArray  # (n,) rising from zero
-    q: FloatArray  # (n, 4) x, y, θ1, θ2 there, angles unwrapped
-    swing_length_m: float  # of the trailer it was made for
+    q: FloatArray  # (n, 3 + trailers) x, y, θ1, θ2, … there, angles unwrapped
+    lengths_m: FloatArray  # `motion_lengths` of the robot it was made for
     periodic: bool  # it ends where it began, in motion, and goes round; else it ends at rest
 
     @classmethod
@@ -58,23 +80,27 @@ class Knots:
         notes = dict(
             line[2:].split(": ", 1) for line in lines if line.startswith("# ") and ": " in line
         )
-        for note in ("swing_length_m", "ends"):
-            if note not in notes:
-                raise ValueError(f"it lacks the header entry {note}")
+        given = notes.get(LENGTHS, notes.get(ONE_LENGTH))
+        if given is None or "ends" not in notes:
+            raise ValueError(f"it lacks the header entry {'ends' if given else ONE_LENGTH}")
+        lengths = np.array([float(length) for length in given.split()])
+        count = math.isqrt(lengths.size)
+        if count == 0 or count**2 != lengths.size or not np.isfinite(lengths).all():
+            raise ValueError(f"its header entry {LENGTHS} is not n² lengths of n trailers")
+        names = columns(count)
         if notes["ends"] not in ENDS:
             raise ValueError(f"its header entry ends is {notes['ends']!r}, not {' or '.join(ENDS)}")
         rows = [line for line in lines if not line.startswith("#")]
         if len(rows) < 2:
             raise ValueError("it has no table")
         table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
-        if table.ndim != 2 or table.shape[1] != len(COLUMNS) or len(table) <= DEGREE:
-            raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(COLUMNS)}")
+        if table.ndim != 2 or table.shape[1] != len(names) or len(table) <= DEGREE:
+            raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(names)}")
         if not (np.abs(table) <= LARGEST).all():
             raise ValueError(f"its numbers are not all finite and below {LARGEST:g}")
         if table[0, 0] != 0.0 or not (np.diff(table[:, 0]) >= SHORTEST_S).all():
             raise ValueError(f"its times do not increase from 0 by {SHORTEST_S:g} s or more")
-        length = float(notes["swing_length_m"])
-        return cls(table[:, 0], table[:, 1:], length, notes["ends"] == ENDS[0])
+        return cls(table[:, 0], table[:, 1:], lengths, notes["ends"] == ENDS[0])
 
     @property
     def duration_s(self) -> float:
@@ -82,7 +108,7 @@ class Knots:
         return float(self.time_s[-1])
 
     def orders(self, time_s: FloatArray) -> FloatArray:
-        """(ORDERS, n, 4) x, y, θ1, θ2 and their derivatives at times (n,)."""
+        """(ORDERS, n, 3 + trailers) x, y, θ1, θ2, … and their derivatives at times (n,)."""
         spline = self._spline()
         within = time_s if self.periodic else np.minimum(time_s, self.duration_s)
         orders = np.stack([spline(within, order) for order in range(ORDERS)])
@@ -95,14 +121,16 @@ class Knots:
 
     @property
     def _turn_rate_rad_s(self) -> FloatArray:
-        """(4,) that of angles which a round adds whole turns to, over all of it."""
-        turns = np.rint((self.q[-1] - self.q[0]) / (2.0 * np.pi)) * [0.0, 0.0, 1.0, 1.0]
+        """(3 + trailers,) that of angles which a round adds whole turns to, over all of it."""
+        turns = np.rint((self.q[-1] - self.q[0]) / (2.0 * np.pi))
+        turns[:2] = 0.0
         return np.asarray(2.0 * np.pi * turns / self.duration_s)
 
     def _spline(self) -> BSpline:
-        """(4,) x, y, θ1, θ2 over time, without whole turns."""
+        """(3 + trailers,) x, y, θ1, θ2, … over time, without whole turns."""
         if not self.periodic:
-            return make_interp_spline(self.time_s, self.q, k=DEGREE, bc_type=(AT_REST, AT_REST))
+            at_rest = [(order, np.zeros(self.q.shape[1])) for order in (1, 2, 3)]
+            return make_interp_spline(self.time_s, self.q, k=DEGREE, bc_type=(at_rest, at_rest))
         q = self.q - self._turn_rate_rad_s * (self.time_s - self.time_s[0])[:, None]
         closed = np.concatenate([q[:-1], q[:1]])  # equal but for rounding: it insists
         spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
@@ -111,7 +139,7 @@ class Knots:
 
 
 class Planned(Reference):
-    """Plan found by trajectory optimisation: P and both angles.
+    """Plan found by trajectory optimisation: P and all angles.
 
     Given at knots, a spline in between.
 
@@ -119,6 +147,7 @@ class Planned(Reference):
     its last pose.
     """
 
+    leads_trains: ClassVar[bool] = True
     kind: Literal["planned"] = "planned"
     plan: str = Field(
         description="a shipped plan (figure_eight, rest_to_rest, …), or a .csv file written "
@@ -140,14 +169,28 @@ class Planned(Reference):
             plan = Knots.read(self.plan)
         except (ValueError, OSError) as error:
             return [Fault(key=key, got=got, problem=f"is not a valid plan: {error}", hint=PLANS)]
-        if abs(plan.swing_length_m - robot.swing_length_m) <= LENGTH_TOLERANCE_M:
+        return self._other_robot(plan, robot)
+
+    def _other_robot(self, plan: Knots, robot: RobotParameters) -> list[Fault]:
+        key, got, count = ("plan",), repr(self.plan), plan.q.shape[1] - 3
+        lengths = motion_lengths(robot)
+        hint = "restore robot.trailers, or make a plan for this robot: `ttwmr plan`"
+        if count != len(robot.trailers):
+            problem = f"was made for {count} trailer{'s'[: count - 1]}, not {len(robot.trailers)}"
+        elif np.abs(plan.lengths_m - lengths).max() <= LENGTH_TOLERANCE_M:
             return []
-        problem = (
-            f"was made for a trailer with l + J2/(m2·l) = {plan.swing_length_m:g} m; this one has "
-            f"{robot.swing_length_m:g} m"
-        )
-        own = f"robot.trailer.com_offset_m={robot.trailer.com_offset_m:g}"
-        hint = f"restore robot.trailer, or plan anew: `ttwmr plan waypoints.csv --set {own}`"
+        elif count == 1:
+            problem = (
+                f"was made for a trailer with l + J2/(m2·l) = {plan.lengths_m[0]:g} m; this one "
+                f"has {lengths[0]:g} m"
+            )
+            own = f"robot.trailer.com_offset_m={robot.trailer.com_offset_m:g}"
+            hint = f"restore robot.trailer, or plan anew: `ttwmr plan waypoints.csv --set {own}`"
+        else:
+            problem = (
+                "was made for trailers of other lengths, masses or hitches: A_ij/b_i differ by "
+                f"up to {np.abs(plan.lengths_m - lengths).max():.3g} m"
+            )
         return [Fault(key=key, got=got, problem=problem, hint=hint)]
 
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
@@ -162,5 +205,5 @@ class Planned(Reference):
             theta=theta[:, None, 0],
             theta_rate=theta[:, None, 1],
             theta_acceleration=theta[:, None, 2],
-            flat_derivatives=centre_derivatives(position, theta[..., 1], robot)[:, None],
+            flat_derivatives=centre_derivatives(position, theta[..., 1:], robot)[:, None],
         )

@@ -1,4 +1,4 @@
-"""`ttwmr plan`: from points to a motion of tractor and trailer, and the scenario that drives it."""
+"""`ttwmr plan`: from points to a motion of a robot, and the scenario that drives it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ITERATIONS = 100  # that a plan takes, more or less
 
 
 class PlanCommand(Overrides, Quiet, name="plan"):
-    """Plan a motion of tractor and trailer through points, and a scenario that drives it."""
+    """Plan a motion of tractor and trailers through points, and a scenario that drives it."""
 
     points: Path = argument(
         "points of P: a .csv with columns x_m, y_m, or an .svg whose first line is taken"
@@ -47,7 +47,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         metavar="M",
         several=True,
     )
-    hitch_angle: float = option("largest |θ2 − θ1|", 115.0, metavar="DEGREES")
+    hitch_angle: float = option("largest |θ2 − θ1|, of every hitch", 115.0, metavar="DEGREES")
     scale: float = option("size of an .svg's unit", 1e-3, metavar="METRES")
 
     def __call__(self) -> int:
@@ -101,8 +101,6 @@ class PlanCommand(Overrides, Quiet, name="plan"):
                 raise InputError.at("--set", "there is no --scenario whose values it could replace")
             return {}, RobotParameters(), limits_of(RobotParameters(), 0.9, **wish)
         scenario = self.load(self.scenario)
-        if len(scenario.robot.trailers) > 1:
-            raise InputError.at("--scenario", "plans are for one trailer", got=repr(self.scenario))
         friction = scenario.plant.contact.floor_friction
         return self._data(), scenario.robot, limits_of(scenario.robot, friction, **wish)
 

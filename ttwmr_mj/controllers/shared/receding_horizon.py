@@ -16,7 +16,7 @@ import numpy as np
 from ttwmr_mj.controllers.shared.gauss_newton import fit, improved, lqr
 from ttwmr_mj.controllers.shared.observer import Observed
 from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.tracking_problem import STATES, Target, TrackingProblem
+from ttwmr_mj.controllers.shared.tracking_problem import Problem, Target
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.state import BoolArray, FloatArray, unwrap_near, wrap
 
@@ -29,7 +29,7 @@ PREDICTION_SUBSTEP_S = 0.017  # two in 33 ms: three quarters of the time of four
 class RecedingHorizon:
     """Plans of a batch about one reference."""
 
-    def __init__(self, problem: TrackingProblem, samples: int, steps: int = 1) -> None:
+    def __init__(self, problem: Problem, samples: int, steps: int = 1) -> None:
         """No plans yet.
 
         Args:
@@ -39,7 +39,7 @@ class RecedingHorizon:
         """
         self._problem, self._samples, self._steps = problem, samples, steps
         self._who: BoolArray | None = None  # whose plans these are
-        self._state: FloatArray = np.empty(0)  # (n + 1, m, 7) of them
+        self._state: FloatArray = np.empty(0)  # (n + 1, m, states) of them
         self._command: FloatArray = np.empty(0)  # (n, m, 2)
 
     def plan(
@@ -61,8 +61,9 @@ class RecedingHorizon:
     def cost_to_go(self, k: int, now: Observed) -> FloatArray:
         """(nsim,) ½·δxᵀP_k·δx, what the LQR expects the way to the reference to cost."""
         miss = np.concatenate([now.body, now.wheels], axis=1) - self._target.state[k]
-        miss[:, 2:4] = wrap(miss[:, 2:4])
-        cost: FloatArray = apply(self._lqr.cost[k, :, :STATES, :STATES], miss)
+        angles, states = self._problem.angles, self._problem.states
+        miss[:, angles] = wrap(miss[:, angles])
+        cost: FloatArray = apply(self._lqr.cost[k, :, :states, :states], miss)
         return np.asarray(0.5 * (miss * cost).sum(axis=1))
 
     def command(self, k: int, now: Observed, disturbance: FloatArray, who: BoolArray) -> FloatArray:
@@ -81,8 +82,9 @@ class RecedingHorizon:
         target = Target(*(_of(values, who, 1) for values in self._target.between(k, end)))
         state, command = self._continued(k, end, who, disturbance)
         start = self._on_the_branch(target, now, who)
-        turns = np.rint((start - state[0])[:, 2:4] / (2.0 * np.pi))
-        state[:, :, 2:4] += 2.0 * np.pi * turns  # where the trailer has turned over since
+        angles = self._problem.angles
+        turns = np.rint((start - state[0])[:, angles] / (2.0 * np.pi))
+        state[:, :, angles] += 2.0 * np.pi * turns  # where a trailer has turned over since
         for _ in range(self._steps):
             state, command, _ = improved(
                 self._problem,
@@ -100,9 +102,10 @@ class RecedingHorizon:
         return np.asarray(command[0])
 
     def _on_the_branch(self, target: Target, now: Observed, who: BoolArray) -> FloatArray:
-        """(m, 7) states, their angles within half a turn of the reference's."""
+        """(m, states) states, their angles within half a turn of the reference's."""
         state = np.concatenate([now.body, now.wheels], axis=1)[who]
-        state[:, 2:4] = unwrap_near(state[:, 2:4], target.state[0][:, 2:4])
+        angles = self._problem.angles
+        state[:, angles] = unwrap_near(state[:, angles], target.state[0][:, angles])
         return state
 
     def _continued(
@@ -129,7 +132,7 @@ class RecedingHorizon:
     def _lqr_step(
         self, k: int, state: FloatArray, who: BoolArray, disturbance: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """States (m, 7) after one period of the LQR law, and its commands (m, 2)."""
+        """States (m, states) after one period of the LQR law, and its commands (m, 2)."""
         beside = (disturbance - _of(self._planned, who))[:, : self._problem.lasting]
         miss = np.concatenate([state - _of(self._target.state[k], who), beside], axis=1)
         wish = _of(self._target.command[k], who) + apply(_of(self._lqr.gain[k], who), miss)

@@ -79,15 +79,23 @@ class Problem(Protocol):
 
     Attributes:
         states, residuals: numbers of a state and of a residual.
+        angles: where the angles are in a state.
         width, lasting: numbers of a disturbance, and of those that the linear problem knows.
         residual_by_command: (residuals, 2) derivative of r by the command, everywhere.
     """
 
     states: int
     residuals: int
+    angles: slice
     width: int
     lasting: int
     residual_by_command: FloatArray
+
+    def target(self, reference: ReferencePath) -> Target:
+        """The reference's states, and the commands that follow it best without feedback."""
+
+    def centre(self, state: FloatArray) -> FloatArray:
+        """(..., 2) F of states."""
 
     def next_state(
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
@@ -114,13 +122,14 @@ class TrackingProblem:
 
     Attributes:
         states, residuals: numbers of a state and of a residual.
+        angles: where the angles are in a state.
         residual_by_command: (6, 2) derivative of r by the command, everywhere.
         width: numbers of a disturbance: slip (3), unexplained θ̈2 and, with a law that learns, the
             five of `dynamics.influence`.
         lasting: how many of these the linear problem knows.
     """
 
-    states, residuals = STATES, RESIDUALS
+    states, residuals, angles = STATES, RESIDUALS, slice(2, 4)
 
     def __init__(
         self,

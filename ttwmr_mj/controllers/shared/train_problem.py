@@ -27,6 +27,7 @@ class TrainProblem:
 
     Attributes:
         states, residuals: numbers of a state and of a residual.
+        angles: where the angles are in a state.
         width, lasting: numbers of a disturbance, all of which the linear problem knows.
         residual_by_command: (residuals, 2) derivative of r by the command, everywhere.
     """
@@ -37,7 +38,7 @@ class TrainProblem:
         self._body = 3 + 2 * n
         self.states, self.residuals, self.width = self._body + INPUTS, 5 + n, SLIP + n
         self.lasting = self.width
-        self._angles = slice(2, 3 + n)
+        self.angles = slice(2, 3 + n)
         reach = [trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers]
         self._lengths = [*reach[:-1], robot.trailers[-1].swing_length_m]
         change = 1.0 / weights.change_scale_rad_s
@@ -81,7 +82,7 @@ class TrainProblem:
         aim = target.state[k]
         change = command - state[..., self._body :]
         wanted = target.command[k] - aim[..., self._body :]
-        off = wrap(state[..., self._angles] - aim[..., self._angles])
+        off = wrap(state[..., self.angles] - aim[..., self.angles])
         miss = [self.centre(state) - target.centre[k], off, change - wanted]
         return np.asarray(self._scale * np.concatenate(miss, axis=-1))
 
