@@ -13,8 +13,9 @@ from ttwmr_mj.assets import models_folder
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.execute import _drawable_model, run_scenario
+from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
+from ttwmr_mj.runs.records import _drawable_model
 from ttwmr_mj.studies.compare.pair import refuse_unlike
 
 TURNS = ((0.3, 5.0, -5.0), (0.9, -6.0, 6.0))  # past θ1 = −π, where a quaternion wraps

@@ -4,9 +4,11 @@ import os
 import sys
 from pathlib import Path
 
-# `python -m` looks for every module in the working directory first: whose files are anybody's
-if not sys.flags.safe_path and Path(__file__).parents[1] != Path.cwd():
-    sys.path[:] = [place for place in sys.path if place not in ("", os.getcwd())]  # noqa: PTH109
+# `python -m` looks for every module in the working directory first: whose files are anybody's.
+# What PYTHONPATH names comes after it, and stays
+added = not sys.flags.safe_path and sys.path[:1] == [os.getcwd()]  # noqa: PTH109  # as it stands there
+if added and Path(__file__).parents[1] != Path.cwd():
+    del sys.path[0]
 
 from ttwmr_mj.cli.main import main
 

@@ -285,13 +285,12 @@ def physics_rate_table(
 
 
 def _numbers(column: Any, name: str, file: str) -> Any:
-    """(n, 1) of a column, NaN where it has none."""
+    """(n, 1) of a column."""
     import pyarrow as pa
 
     kind = column.type
-    if pa.types.is_boolean(kind) and not column.null_count:
-        return column.to_numpy()[:, None]
-    if not (pa.types.is_floating(kind) or pa.types.is_integer(kind) or pa.types.is_boolean(kind)):
+    flags = pa.types.is_boolean(kind)
+    if column.null_count or not (flags or pa.types.is_floating(kind) or pa.types.is_integer(kind)):
         problem = f"not a trajectory: its column {name[:100]} holds no numbers"
         raise InputError(problem, file=file)
-    return column.cast(pa.float64()).to_numpy()[:, None]
+    return (column if flags else column.cast(pa.float64())).to_numpy()[:, None]

@@ -43,7 +43,7 @@ def find_scenario(name_or_path: str) -> Path:
 def _near(path: Path, shipped: list[str]) -> str:
     """A hint at a file beside the one that is not there, or else at a scenario that is shipped."""
     with suppress(OSError):  # such a folder need not be there, nor be one
-        beside = sorted(str(path.with_name(file.name)) for file in path.parent.glob("*.toml"))
+        beside = sorted(str(path.parent / file.name) for file in path.parent.glob("*.toml"))
         if hint := suggestion(str(path), beside):
             return hint
     return suggestion(path.stem, shipped)
