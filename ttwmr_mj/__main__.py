@@ -6,8 +6,11 @@ from pathlib import Path
 
 # `python -m` looks for every module in the working directory first: whose files are anybody's.
 # What PYTHONPATH names comes after it, and stays
-added = not sys.flags.safe_path and sys.path[:1] == [os.getcwd()]  # noqa: PTH109  # as it stands there
-if added and Path(__file__).parents[1] != Path.cwd():
+if (
+    not sys.flags.safe_path
+    and sys.path[:1] == [os.getcwd()]  # noqa: PTH109  # as it stands there
+    and Path(__file__).parents[1] != Path.cwd()
+):
     del sys.path[0]
 
 from ttwmr_mj.cli.main import main
