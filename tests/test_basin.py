@@ -36,6 +36,7 @@ def test_a_grid_must_fit_its_stride() -> None:
         map_basin(load_scenario("inverted_trailer"), axis, axis, 3)
 
 
+@pytest.mark.slow
 def test_catching_is_what_a_single_run_does() -> None:
     """The edge of the law's basin on the analytic model; each start as a run of its own."""
     alone_with_it = 'controller={kind="flatness", recovery="own"}'

@@ -276,6 +276,7 @@ def test_a_signal_ends_a_run_cleanly(signum: signal.Signals, tmp_path: Path) -> 
     assert rows == recorded_rows(tmp_path / "out" / "run.rrd") > 0
 
 
+@pytest.mark.slow
 def test_a_killed_run_leaves_a_readable_recording(tmp_path: Path) -> None:
     recording = tmp_path / "out" / "run.rrd"
     process = start_long_run(tmp_path)

@@ -134,6 +134,7 @@ def test_shooting_marches_where_newton_does_not_close_the_gaps(
     np.testing.assert_allclose(slope, same_slope, rtol=0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_rates_of_the_extended_plant_are_the_derivatives_of_its_state() -> None:
     robot = open_loop(*BRISK).robot
     model = ExtendedModel.of(robot, ExtendedParameters.expected(robot))

@@ -37,6 +37,7 @@ def experiment(name: str, nsim: int = 1) -> Experiment:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["Endless", "Stubborn"])
 def test_a_hanging_controller_ends_its_run_with_the_reason_and_the_files(
     name: str, tmp_path: Path

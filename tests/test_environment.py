@@ -34,6 +34,7 @@ def ttwmr(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[
     return done
 
 
+@pytest.mark.slow
 def test_a_run_of_truth_obeys_no_variable(tmp_path: Path) -> None:
     strange = {"MUJOCO_GL": "garbage", "MPLBACKEND": "garbage", "RERUN": "off"}
     done = ttwmr(tmp_path, "run", "lab_circle", *SHORT, **strange)

@@ -75,6 +75,7 @@ def test_a_free_trailer_can_follow_it() -> None:
     assert acceleration.min() >= 0.6 * 0.5**2 * (1 - 1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("law", "offset_m", "allowed_m"),
     # flatness samples |F''| as it falls to 0.15 m/s²; on so little it catches small offsets only

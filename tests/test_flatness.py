@@ -169,6 +169,7 @@ def test_a_blind_observer_goes_on_predicting() -> None:
     assert np.array_equal(seen.body, expected.body)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["outer_circle", "inverted_trailer"])
 def test_the_law_converges_on_the_model(name: str) -> None:
     # the integral's residue is what is left after 15 to 30 s; without latency or noise

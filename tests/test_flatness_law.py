@@ -99,6 +99,7 @@ def test_one_sample_is_the_choice_of_the_docstring(side: str) -> None:
         assert law._integral[0] == 0.0
 
 
+@pytest.mark.slow
 def test_the_integral_acts_in_the_trailers_frame() -> None:
     """(λ + iω)⁴·ξ·τ, beside what the same sample asks for without."""
     reference = path()

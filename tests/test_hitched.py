@@ -83,6 +83,7 @@ def scenario(law: str, *overrides: str) -> tt.Scenario:
     return tt.load_scenario("inverted_trailer", [*given, controller, *overrides])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", pytest.param("mpc", marks=pytest.mark.slow)])
 def test_laws_that_plan_follow_it_in_contact_physics(law: str) -> None:
     """28 mm off at the trailer when the ellipse was that of a free hitch; 1 mm asked, 0.2 found."""

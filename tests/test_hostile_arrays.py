@@ -221,6 +221,7 @@ target = "{module}:Law"
     return check_scenario(tomllib.loads(text), "mine", folder)
 
 
+@pytest.mark.slow
 def test_the_resolved_scenario_of_a_law_runs_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

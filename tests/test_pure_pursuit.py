@@ -89,6 +89,7 @@ def test_a_batch_is_its_single_simulations() -> None:
     assert all(different(among.simulation(i), alone) == [] for i in range(3))
 
 
+@pytest.mark.slow
 def test_scenarios_the_schema_and_the_list_know_it() -> None:
     def ttwmr(*words: str) -> str:
         command = [sys.executable, "-m", "ttwmr_mj", *words]

@@ -69,6 +69,7 @@ def test_rest_to_rest_by_camera() -> None:
     assert angle_deg <= 2.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ["tvlqr", pytest.param("mpc", marks=pytest.mark.slow)])
 def test_rest_to_rest_with_dry_friction_in_the_plan(law: str) -> None:
     """The plan that ships knows no friction; ignored, 1e-3 N·m leave it 29 mm off and more."""

@@ -125,6 +125,7 @@ def test_a_requirement_is_checked_before_the_run(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_run_that_is_required_to_fail_may(tmp_path: Path) -> None:
     (tmp_path / "bad.py").write_text(
         "import ttwmr_mj as tt\nclass Bad(tt.Controller):\n"

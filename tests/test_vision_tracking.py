@@ -71,6 +71,7 @@ def drive(
     return Drive(*columns, status=status, std=np.array(std))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("latency", [0, 2])
 def test_latency_is_compensated(latency: int) -> None:
     run = drive(LAB_CAMERA, latency=latency)
