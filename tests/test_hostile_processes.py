@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -107,14 +108,21 @@ def test_signals_reach_the_process_that_runs_the_law(how: str, tmp_path: Path) -
     law_in(tmp_path, "at_command", "open('pid', 'w').write(str(os.getpid())); time.sleep(0.05)")
     line = [*TTWMR, "run", "mine.toml", "--out", "out", "--set=duration_s=60"]
     line += [f"--set={change}" for change in BARE]
-    running = subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
+    running = subprocess.Popen(
+        line,
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        # what a shell runs in its background ignores SIGINT, and its children inherit that
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
     pid = tmp_path / "pid"
     while not (pid.exists() and pid.read_text()):
         assert running.poll() is None
         time.sleep(0.05)
     law = int(pid.read_text())
     assert law != running.pid
-    running.send_signal(getattr(__import__("signal"), f"SIG{how}"))
+    running.send_signal(signal.Signals[f"SIG{how}"])
     told = running.communicate(timeout=30)[1]
     assert running.returncode == (-9 if how == "KILL" else 1)
     assert "Traceback" not in told
