@@ -32,6 +32,7 @@ AROUND: FloatArray = (_RINGS * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
 # How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
 # order of summation leaves; a mirrored robot must stand in exactly the same way.
+NEAR_M = 1e-4  # of the ground: a wheel is not off it
 SETTLED_DECIMALS = 15
 
 
@@ -122,6 +123,8 @@ class ContactPlant(Plant):
         self._touching = [int(self.model.body(name).id) for name in touching]
         self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
         self._contact_columns = _contact_columns(self.model, touching)
+        wheels = self._touching_geoms[: len(WHEELS)]
+        self._wheel_radius_m = np.array([m.geom_size[wheels].max(axis=1) for m in self.models])
 
     def _settle(self, models: list[mujoco.MjModel], threads: int) -> FloatArray:
         """(nsim, nq) generalized positions of robots standing in their contacts at the origin.
@@ -197,11 +200,18 @@ class ContactPlant(Plant):
         rise = self._qpos[:, free + HEIGHT] - self._settled_qpos[:, free + HEIGHT]
         wheels = self._sensordata[:, self._contact_columns[: len(WHEELS)]]
         touching = wheels[..., 0] > 0.0
+        # a tyre that slides on a hard floor touches it at every other step, micrometres above it
+        centres = self._body_position[:, self._touching[: len(WHEELS)]]
+        ground: FloatArray | float = 0.0
+        if not all(relief.flat for relief in self._reliefs):
+            under_wheels = zip(self._reliefs, centres[..., :2], strict=True)
+            ground = np.array([relief.at(places) for relief, places in under_wheels])
+        near = centres[..., 2] - self._wheel_radius_m - ground < NEAR_M
         slip = np.hypot(wheels[..., 13], wheels[..., 14])
         return Footing(
             tilt_rad=np.arccos(np.clip(up, -1.0, 1.0)),
             height_m=rise - np.array(under),
-            wheels_on_floor=touching.sum(axis=1).astype(np.float64),
+            wheels_on_floor=(touching | near).sum(axis=1).astype(np.float64),
             wheel_slip_m_s=np.where(touching, slip, 0.0).max(axis=1),
         )
 
