@@ -291,3 +291,11 @@ def test_impossible_waypoints_are_rejected(
 ) -> None:
     (fault,) = Waypoints(points_m=points, speed_m_s=0.3, closed=closed).faults(RobotParameters())
     assert re.search(message, str(fault))
+
+
+def test_points_of_which_no_curve_can_be_computed_are_refused() -> None:
+    points = ((0.0, 0.0), (1e-6, 1e-6), (900.0, 0.0), (900.0, 900.0))
+    curve = Waypoints(points_m=points, speed_m_s=0.2, closed=True)
+    (fault,) = curve.faults(RobotParameters())
+    assert fault.key == ("points_m",)
+    assert "1.41e-06 and 1.27e+03 m apart, too unevenly" in fault.problem

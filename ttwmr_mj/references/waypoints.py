@@ -1,10 +1,12 @@
 """A smooth curve through given points."""
 
+import warnings
 from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
 from scipy.interpolate import BSpline, make_interp_spline
+from scipy.linalg import LinAlgError, LinAlgWarning
 
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path_reference import PathReference
@@ -54,7 +56,7 @@ class Waypoints(PathReference):
         del robot
         repeated = np.flatnonzero(self._legs_m == 0.0)
         if not repeated.size:
-            fault = self.time_law().fault()
+            fault = self.time_law().fault() or self._uneven()
             return [fault] if fault else []
         first = int(repeated[0])
         second = (first + 1) % len(self.points_m)
@@ -66,6 +68,19 @@ class Waypoints(PathReference):
                 hint="a closed curve needs no copy of its first point" if second == 0 else "",
             )
         ]
+
+    def _uneven(self) -> Fault | None:
+        """Points of which no curve can be computed to the precision of numbers."""
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            try:
+                self._spline  # noqa: B018
+            except (LinAlgWarning, LinAlgError):
+                legs = self._legs_m
+                between = f"between {legs.min():.3g} and {legs.max():.3g} m apart"
+                problem = f"neighbours are {between}, too unevenly for a smooth curve through them"
+                return Fault(key=("points_m",), problem=problem, hint="leave out near ones")
+        return None
 
     def path_derivatives(self, sigma: FloatArray) -> FloatArray:
         """(5, n, 2) p and its derivatives by the chord length, (n,) [m]."""
