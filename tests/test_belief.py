@@ -13,7 +13,6 @@ import pytest
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants import mjcf
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
@@ -23,6 +22,7 @@ from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.faults import fault_of
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
+from ttwmr_mj.vision.camera import drawn as camera_scene
 
 LONGER = "belief.robot.trailer.com_offset_m=0.16"
 
@@ -159,7 +159,7 @@ def test_the_tracker_predicts_with_the_believed_robot(monkeypatch: pytest.Monkey
         "sensing.latency_s=0.033",
         "sensing.calibration_path=calibration/lab_camera.yaml",
         "initial.theta2_rad=0.6",
-        "robot.hitch.damping_n_m_s_rad=0.0137",  # as in no other test: models are kept
+        "robot.hitch.damping_n_m_s_rad=0.01",
     ]
     drawn: list[RobotParameters] = []
 
@@ -167,12 +167,12 @@ def test_the_tracker_predicts_with_the_believed_robot(monkeypatch: pytest.Monkey
         drawn.append(robot)
         return build_model(robot, *more)
 
-    monkeypatch.setattr(mjcf, "build_model", drawing)
+    monkeypatch.setattr(camera_scene, "build_model", drawing)
     plain, believed = (
         drive("open_loop_turn", *sets, *more)
         for more in ((), ("belief.robot.hitch.damping_n_m_s_rad=0.1",))
     )
-    assert [robot.hitch.damping_n_m_s_rad for robot in drawn] == [0.0137, 0.0137]
+    assert [robot.hitch.damping_n_m_s_rad for robot in drawn] == [0.01, 0.01]
     np.testing.assert_array_equal(plain.q, believed.q)
     assert np.abs(plain.est_q - believed.est_q)[:, 0, 3].max() > 1e-4
 
