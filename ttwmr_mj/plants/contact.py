@@ -106,6 +106,7 @@ class ContactPlant(Plant):
         self._first_theta1 = self._theta1
         reliefs = {id(model): Relief(model) for model in self.models}
         self._reliefs = [reliefs[id(model)] for model in self.models]
+        self._flat = all(relief.flat for relief in reliefs.values())
         self._reach_m = max(map(_reach_m, rows_of(robot, nsim)))
         self._setpoint: FloatArray = np.zeros((nsim, 2))
         self._time: FloatArray = np.zeros(0)
@@ -156,7 +157,7 @@ class ContactPlant(Plant):
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
         standing = self._settled_qpos
-        if not all(relief.flat for relief in self._reliefs):
+        if not self._flat:
             standing = self._settled_on_relief(initial)
         # servos at the wheel speeds that roll without slip
         twist = workspace_rate(initial.q, initial.q_rate)[:, :2]
@@ -203,7 +204,7 @@ class ContactPlant(Plant):
         # a tyre that slides on a hard floor touches it at every other step, micrometres above it
         centres = self._body_position[:, self._touching[: len(WHEELS)]]
         ground: FloatArray | float = 0.0
-        if not all(relief.flat for relief in self._reliefs):
+        if not self._flat:
             under_wheels = zip(self._reliefs, centres[..., :2], strict=True)
             ground = np.array([relief.at(places) for relief, places in under_wheels])
         near = centres[..., 2] - self._wheel_radius_m - ground < NEAR_M
