@@ -15,6 +15,7 @@ from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.video import encode
+from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.film import SIZE_PX, STRIP_SHARE, Film
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.results.trajectory import Trajectory
@@ -106,7 +107,11 @@ def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
 def test_every_trailer_of_a_train_is_shown(tmp_path: Path) -> None:
     overrides = ["duration_s=0.3", "output.figures=false"]
     run_scenario(load_scenario("two_trailers_turn", overrides), tmp_path)
-    film = Film(Footage.of(tmp_path, 10.0, 1.0, 0.0, None), "both", 1.0)
+    footage = Footage.of(tmp_path, 10.0, 1.0, 0.0, None)
+    eye, x_m = chase(footage)(0), footage.q[0, 0]
+    assert eye.distance == pytest.approx(0.5 + 0.23)  # farther away by the first trailer's length
+    assert eye.lookat[0] == pytest.approx(x_m - 0.09 - 0.5 * 0.23, abs=0.01)  # and at its middle
+    film = Film(footage, "both", 1.0)
     picture = film.frame(2)[60:UPPER, film._left :]
     shades = film._stage._bodies if film._stage else []
     film.close()
