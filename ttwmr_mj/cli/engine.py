@@ -49,8 +49,10 @@ def option(
 class Subcommand(ABC):
     """Base of every subcommand: fields are what the user may give, calling it does the work.
 
-    Subclasses become frozen dataclasses. The first line of the docstring is the help. Types say
-    how words are read: str, int, Path, bool (a switch), Literal[...], X | None, tuple[X, ...].
+    Subclasses become frozen dataclasses when they are added with their options: made for all of
+    them at once, they would take half the time of `ttwmr --help`. The first line of the docstring
+    is the help. Types say how words are read: str, int, Path, bool (a switch), Literal[...],
+    X | None, tuple[X, ...].
     """
 
     registry: ClassVar[dict[str, type[Subcommand]]] = {}  # name → class
@@ -58,17 +60,24 @@ class Subcommand(ABC):
     debug: bool = option("show tracebacks", False)
 
     def __init_subclass__(cls, name: str | None = None) -> None:
-        hints = get_type_hints(cls)
-        for key, entry in vars(cls).items():
-            if isinstance(entry, Field) and entry.default is MISSING:
-                entry.default = _absent(hints[key], entry)
-        dataclass(frozen=True, kw_only=True)(cls)
         if name is not None:
             Subcommand.registry[name] = cls
 
     @abstractmethod
     def __call__(self) -> int:
         """Do it and return the exit code."""
+
+
+def _make_dataclass(kind: type[Subcommand]) -> None:
+    """Make frozen dataclasses of a subcommand and its bases, as far as they are none yet."""
+    for base in reversed(kind.__mro__):
+        if not issubclass(base, Subcommand) or "__dataclass_fields__" in vars(base):
+            continue
+        hints = get_type_hints(base)
+        for key, entry in vars(base).items():
+            if isinstance(entry, Field) and entry.default is MISSING:
+                entry.default = _absent(hints[key], entry)
+        dataclass(frozen=True, kw_only=True)(base)
 
 
 def _absent(hint: Any, entry: Field[Any]) -> Any:
@@ -87,8 +96,17 @@ def load_subcommands(package: str) -> dict[str, type[Subcommand]]:
     return Subcommand.registry
 
 
-def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
-    """The argparse parser of one subcommand; what it parses sets `kind` too."""
+def add_subcommand(
+    subparsers: Any, name: str, kind: type[Subcommand], options: bool = True
+) -> None:
+    """The argparse parser of one subcommand; what it parses sets `kind` too.
+
+    Args:
+        subparsers: as made by argparse's `add_subparsers`.
+        name: as the user types it.
+        kind: its class.
+        options: whether it gets its options; without, it only stands in the list of all.
+    """
     summary = (kind.__doc__ or "").partition("\n")[0].rstrip(".")
     parser: argparse.ArgumentParser = subparsers.add_parser(
         name,
@@ -96,6 +114,9 @@ def add_subcommand(subparsers: Any, name: str, kind: type[Subcommand]) -> None:
         description=f"{summary}.",
         argument_default=argparse.SUPPRESS,  # what is not given is left to the dataclass
     )
+    if not options:
+        return
+    _make_dataclass(kind)
     parser.set_defaults(kind=kind)
     hints = get_type_hints(kind)
     by_name = {entry.name: entry for entry in fields(kind)}
@@ -160,7 +181,8 @@ def _with_bare_values(words: Sequence[str]) -> list[str]:
 
     argparse would take the next word for it, be it another argument.
     """
-    entries = [entry for kind in Subcommand.registry.values() for entry in fields(kind)]
+    kind = Subcommand.registry.get(words[0]) if words else None
+    entries = fields(kind) if kind else ()
     bare = {_typed(e): e.metadata["bare"] for e in entries if e.metadata.get("bare")}
     return [f"{word}={bare[word]}" if word in bare else word for word in words]
 

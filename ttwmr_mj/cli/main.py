@@ -59,7 +59,7 @@ def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
     subparsers = parser.add_subparsers(title="commands", required=True, metavar="COMMAND")
     known = engine.load_subcommands("ttwmr_mj.cli.commands")
     for name, kind in known.items():
-        engine.add_subcommand(subparsers, name, kind)
+        engine.add_subcommand(subparsers, name, kind, options=name in words)
     if not words:
         print(f"{parser.format_help()}\n{TRY}", end="")
         parser.exit()

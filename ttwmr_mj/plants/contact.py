@@ -17,7 +17,7 @@ from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.engine import batch, mujoco
-from ttwmr_mj.plants.footing import Footing
+from ttwmr_mj.plants.footing import Footing, Stance
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
@@ -106,7 +106,7 @@ class ContactPlant(Plant):
         self._first_theta1 = self._theta1
         reliefs = {id(model): Relief(model) for model in self.models}
         self._reliefs = [reliefs[id(model)] for model in self.models]
-        self._flat = all(relief.flat for relief in reliefs.values())
+        self._stance = self._standing_on(self._reliefs)
         self._reach_m = max(map(_reach_m, rows_of(robot, nsim)))
         self._setpoint: FloatArray = np.zeros((nsim, 2))
         self._time: FloatArray = np.zeros(0)
@@ -124,8 +124,19 @@ class ContactPlant(Plant):
         self._touching = [int(self.model.body(name).id) for name in touching]
         self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
         self._contact_columns = _contact_columns(self.model, touching)
-        wheels = self._touching_geoms[: len(WHEELS)]
-        self._wheel_radius_m = np.array([m.geom_size[wheels].max(axis=1) for m in self.models])
+
+    def _standing_on(self, reliefs: list[Relief]) -> Stance:
+        """What tells how the robots stand on their grounds."""
+        wheels = slice(len(WHEELS))
+        geoms, free = self._touching_geoms[wheels], self._joints.free_qpos
+        return Stance(
+            reliefs,
+            free,
+            self._settled_qpos[:, free + HEIGHT],
+            self._touching[wheels],
+            np.array([model.geom_size[geoms].max(axis=1) for model in self.models]),
+            self._contact_columns[wheels],
+        )
 
     def _settle(self, models: list[mujoco.MjModel], threads: int) -> FloatArray:
         """(nsim, nq) generalized positions of robots standing in their contacts at the origin.
@@ -157,7 +168,7 @@ class ContactPlant(Plant):
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
         standing = self._settled_qpos
-        if not self._flat:
+        if not self._stance.flat:
             standing = self._settled_on_relief(initial)
         # servos at the wheel speeds that roll without slip
         twist = workspace_rate(initial.q, initial.q_rate)[:, :2]
@@ -192,29 +203,7 @@ class ContactPlant(Plant):
 
     def footing(self) -> Footing:
         """How the robots stand on the ground."""
-        free = self._joints.free_qpos
-        up = 1.0 - 2.0 * (self._qpos[:, free + X] ** 2 + self._qpos[:, free + Y] ** 2)
-        under = [
-            0.0 if relief.flat else float(relief.at(self._qpos[i, free : free + 2]))
-            for i, relief in enumerate(self._reliefs)
-        ]
-        rise = self._qpos[:, free + HEIGHT] - self._settled_qpos[:, free + HEIGHT]
-        wheels = self._sensordata[:, self._contact_columns[: len(WHEELS)]]
-        touching = wheels[..., 0] > 0.0
-        # a tyre that slides on a hard floor touches it at every other step, micrometres above it
-        centres = self._body_position[:, self._touching[: len(WHEELS)]]
-        ground: FloatArray | float = 0.0
-        if not self._flat:
-            under_wheels = zip(self._reliefs, centres[..., :2], strict=True)
-            ground = np.array([relief.at(places) for relief, places in under_wheels])
-        near = centres[..., 2] - self._wheel_radius_m - ground < NEAR_M
-        slip = np.hypot(wheels[..., 13], wheels[..., 14])
-        return Footing(
-            tilt_rad=np.arccos(np.clip(up, -1.0, 1.0)),
-            height_m=rise - np.array(under),
-            wheels_on_floor=(touching | near).sum(axis=1).astype(np.float64),
-            wheel_slip_m_s=np.where(touching, slip, 0.0).max(axis=1),
-        )
+        return self._stance.footing(self._qpos, self._sensordata, self._body_position)
 
     def _roll_balls(self) -> None:
         """Spin the casters' balls so that they roll: their points of contact are at rest."""

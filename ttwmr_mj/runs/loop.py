@@ -159,7 +159,7 @@ class Loop:
         footing = self.plant.footing()
         if footing is None:
             return np.zeros(self.plant.nsim, dtype=np.bool_)
-        for name, values in footing._asdict().items():
+        for name, values in zip(footing._fields, footing, strict=True):
             getattr(self.rows, name)[k] = values
         return np.asarray((footing.tilt_rad > TIPPED_RAD) | (footing.height_m > FLOWN_M))
 
