@@ -47,11 +47,17 @@ def test_columns_are_the_documented_ones_in_float64(run: Trajectory) -> None:
     assert np.isnan(table["ref_theta2_rad"].to_numpy()).all()
 
 
-def test_parquet_round_trip_is_exact(run: Trajectory, tmp_path: Path) -> None:
+# 31 rows: all at once, with a rest, and in pieces of equal size
+@pytest.mark.parametrize(("piece", "groups"), [(100, 1), (10, 4), (1, 31)])
+def test_parquet_round_trip_is_exact(
+    piece: int, groups: int, run: Trajectory, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("ttwmr_mj.results.trajectory.PIECE_ROWS", piece)
     path = tmp_path / "trajectory.parquet"
-    write_parquet(run.to_table(), path)
+    run.write(path)
     again = Trajectory.read(path)
     assert different(again, run) == []
+    assert pq.read_metadata(path).num_row_groups == groups
     assert list(tmp_path.iterdir()) == [path]
 
 

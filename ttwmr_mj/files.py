@@ -7,6 +7,7 @@ import os
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -109,12 +110,16 @@ def write_json(path: Path, value: Any) -> None:
     write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
 
 
-def write_parquet(table: pa.Table, path: Path) -> None:
-    """Write a table; the file appears whole or not at all."""
+def write_parquet(tables: pa.Table | Iterable[pa.Table], path: Path) -> None:
+    """Write a table, or successive pieces of one; the file appears whole or not at all."""
+    import pyarrow as pa
     import pyarrow.parquet as pq
 
-    with written(path) as temporary:
-        pq.write_table(table, temporary)
+    pieces = iter([tables] if isinstance(tables, pa.Table) else tables)
+    first = next(pieces)
+    with written(path) as temporary, pq.ParquetWriter(temporary, first.schema) as file:
+        for piece in chain([first], pieces):
+            file.write_table(piece)
 
 
 @contextmanager

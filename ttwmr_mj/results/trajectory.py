@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError, MachineError, of_system
+from ttwmr_mj.files import write_parquet
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
 }
 # arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
 FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
+PIECE_ROWS = 16_384  # written at a time: an hour in one table takes 40 MB
 
 
 def q_names(width: int) -> tuple[str, ...]:
@@ -243,6 +245,12 @@ class Trajectory:
     def to_table(self, simulation: int | None = None) -> pa.Table:
         """One simulation as an Arrow table; arguments and errors as `to_columns`."""
         return _table(self.to_columns(simulation))
+
+    def write(self, path: Path, simulation: int | None = None) -> None:
+        """One simulation as Parquet; arguments and errors as `to_columns`."""
+        one = self.simulation(simulation)
+        starts = range(0, max(len(one), 1), PIECE_ROWS)
+        write_parquet((one.rows(k, k + PIECE_ROWS).to_table() for k in starts), path)
 
     def to_pandas(self, simulation: int | None = None) -> Any:
         """One simulation as a pandas DataFrame; arguments and errors as `to_columns`.

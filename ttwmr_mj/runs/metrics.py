@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.files import write_json, write_parquet
+from ttwmr_mj.files import write_json
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.experiment import Result
@@ -56,7 +56,7 @@ def repeatable_metrics(result: Result, scenario: Scenario) -> dict[str, Any]:
 
 def write_result(folder: Path, trajectory: Trajectory, metrics: dict[str, Any]) -> None:
     """What a run of one simulation is judged by; metrics that are there tell that all is."""
-    write_parquet(trajectory.to_table(), folder / "trajectory.parquet")
+    trajectory.write(folder / "trajectory.parquet")
     write_metrics(folder, metrics)
 
 

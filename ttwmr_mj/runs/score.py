@@ -9,7 +9,6 @@ from typing import Any, get_args
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.row_stream import ROWS_FILE, read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
@@ -44,7 +43,7 @@ def score_run(folder: Path) -> dict[str, Any]:
         metrics = repeatable_metrics(result, scenario)
         metrics |= {name: stored.get(name) for name in MEASURED}
         if not (folder / "trajectory.parquet").is_file():
-            write_parquet(rows.to_table(), folder / "trajectory.parquet")
+            rows.write(folder / "trajectory.parquet")
         write_metrics(folder, metrics)
         (folder / ROWS_FILE).unlink(missing_ok=True)
     return metrics

@@ -171,8 +171,8 @@ def _write(
     folder: Path, pair: Pair, findings: _Findings, report: dict[str, Any], options: Options
 ) -> None:
     write_json(folder / "compare.json", report)
-    write_parquet(pair.contact.trajectory.to_table(), folder / "contact.parquet")
-    write_parquet(pair.analytic.to_table(), folder / "analytic.parquet")
+    pair.contact.trajectory.write(folder / "contact.parquet")
+    pair.analytic.write(folder / "analytic.parquet")
     if findings.fit:
         write_text(folder / "fitted.toml", findings.fit.as_toml())
     if findings.attribution:
