@@ -13,6 +13,7 @@ from ttwmr_mj.plants.engine import mujoco, warnings_kept
 from ttwmr_mj.plants.names import CASTERS, WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.relief import add_relief
 from ttwmr_mj.plants.runners import add_runner
+from ttwmr_mj.plants.scene_files import refuse_what_leads_away
 from ttwmr_mj.plants.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT
@@ -40,8 +41,11 @@ def build_spec(
         torque_input: as of `Drive.of`.
 
     Raises:
-        InputError: the scene cannot be read, lacks a named part, or the inertia is impossible.
+        InputError: the scene cannot be read, leads to what is no data of its own, lacks a named
+            part, or the inertia is impossible.
     """
+    if options.model_path:
+        refuse_what_leads_away(options.model_path, "plant", "contact", "model_path")
     path = options.model_path or str(models_folder() / "scene.xml")
     spec = _read(path)
     try:

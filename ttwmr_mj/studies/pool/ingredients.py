@@ -7,7 +7,6 @@ libraries. What a custom controller reads by itself is not known here.
 import hashlib
 import platform
 import sys
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -16,6 +15,7 @@ from typing import Any
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.plants.scene_files import scene_files
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.runs.folder import library_version
@@ -89,26 +89,7 @@ def data_files(scenario: Scenario) -> Iterator[Path]:
         shipped = PACKAGE / "references" / "data" / f"{reference.plan}.csv"
         yield Path(reference.plan).resolve() if reference.plan.endswith(".csv") else shipped
     if scenario.plant.kind == "contact" or sensing.kind == "camera":
-        yield from _scene_files(Path(contact.model_path or models_folder() / "scene.xml").resolve())
-
-
-def _scene_files(path: Path) -> Iterator[Path]:
-    """An MJCF file, what it includes, and the meshes and pictures they name."""
-    yield path
-    try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError):
-        return
-    folders = {path.parent} | {
-        path.parent / value
-        for compiler in root.iter("compiler")
-        for key, value in compiler.items()
-        if key in ("assetdir", "meshdir", "texturedir")
-    }
-    for element in root.iter():
-        found = [folder / element.get("file", "") for folder in sorted(folders)]
-        for file in (file.resolve() for file in found if file.is_file()):
-            yield from _scene_files(file) if element.tag == "include" else [file]
+        yield from scene_files(Path(contact.model_path or models_folder() / "scene.xml"))
 
 
 def _code_of_run(scenario: Scenario, folder: Path, runners: Sequence[str]) -> dict[str, str]:

@@ -1,0 +1,120 @@
+"""A stranger's MJCF scene is data: it names files beside it, and brings no code."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from ttwmr_mj.assets import models_folder
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.scene_files import MOST_BYTES, scene_files
+from ttwmr_mj.robot import RobotParameters
+
+ROBOT = RobotParameters()
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with the shipped scene in it, and things outside it."""
+    folder = tmp_path / "scene"
+    folder.mkdir()
+    for name in ("scene.xml", "ttwmr.xml"):
+        shutil.copy(models_folder() / name, folder)
+    (tmp_path / "secret.xml").write_text("<mujoco/>")
+    (tmp_path / "secret.png").write_bytes(b"")
+    return folder
+
+
+def build(folder: Path, with_what: str = "") -> None:
+    scene = folder / "scene.xml"
+    scene.write_text(scene.read_text().replace("</mujoco>", f"{with_what}</mujoco>"))
+    build_model(ROBOT, ContactOptions(model_path=str(scene)))
+
+
+def test_a_scene_with_its_parts_beside_it_is_read(folder: Path) -> None:
+    (folder / "more.xml").write_text('<mujoco><statistic extent="2"/></mujoco>')
+    build(folder, '<include file="more.xml"/>')
+    names = {path.name for path in scene_files(folder / "scene.xml")}
+    assert names == {"scene.xml", "ttwmr.xml", "more.xml"}
+
+
+def test_the_shipped_robot_may_be_included_from_anywhere(tmp_path: Path) -> None:
+    robot = models_folder() / "ttwmr.xml"
+    scene = (models_folder() / "scene.xml").read_text()
+    (tmp_path / "scene.xml").write_text(scene.replace('"ttwmr.xml"', f'"{robot}"'))
+    build(tmp_path)
+
+
+LEADS_OUT = {  # TOP: the folder of the scene's folder
+    "include": '<include file="TOP/secret.xml"/>',
+    "include upwards": '<include file="../secret.xml"/>',
+    "picture": '<asset><texture name="t" type="2d" file="TOP/secret.png"/></asset>',
+    "cube": '<asset><texture type="cube" fileright="../secret.png"/></asset>',
+    "meshes": '<compiler meshdir="TOP"/><asset><mesh name="m" file="secret.png"/></asset>',
+    "part": '<asset><model name="m" file="TOP/secret.xml"/></asset>',
+    "device": '<asset><hfield name="h" file="/dev/zero"/></asset>',
+}
+
+
+@pytest.mark.parametrize("kind", LEADS_OUT)
+def test_nothing_outside_its_folder_is_read(kind: str, folder: Path) -> None:
+    with pytest.raises(InputError, match="leads out of its folder") as refused:
+        build(folder, LEADS_OUT[kind].replace("TOP", str(folder.parent)))
+    (fault,) = refused.value.faults
+    assert fault.where == "plant.contact.model_path"
+    assert "secret" in fault.got or "/dev/zero" in fault.got
+    assert "beside scene.xml" in fault.hint
+
+
+def test_a_link_leads_out_too(folder: Path) -> None:
+    (folder / "inside.xml").symlink_to(folder.parent / "secret.xml")
+    with pytest.raises(InputError, match="leads out of its folder"):
+        build(folder, '<include file="inside.xml"/>')
+
+
+def test_a_part_of_the_scene_is_looked_into(folder: Path) -> None:
+    (folder / "more.xml").write_text('<mujoco><include file="../secret.xml"/></mujoco>')
+    with pytest.raises(InputError, match="leads out of its folder"):
+        build(folder, '<include file="more.xml"/>')
+
+
+@pytest.mark.parametrize(
+    ("part", "problem"),
+    [
+        ('<mujoco><extension><plugin plugin="a.b"/></extension></mujoco>', "asks for a plugin"),
+        ('<!DOCTYPE m [<!ENTITY a "b">]><mujoco/>', "DOCTYPE"),
+        ("<mujoco>", "cannot be read as a scene"),
+        ("<mujoco/>" + " " * MOST_BYTES, "larger than"),
+    ],
+)
+def test_what_is_no_data_is_refused(part: str, problem: str, folder: Path) -> None:
+    (folder / "more.xml").write_text(part)
+    with pytest.raises(InputError, match=problem) as refused:
+        build(folder, '<include file="more.xml"/>')
+    assert "more.xml" in refused.value.faults[0].got
+
+
+def test_a_scene_that_includes_itself_ends(folder: Path) -> None:
+    assert len(scene_files(folder / "scene.xml")) == 2
+    with pytest.raises(InputError, match="MuJoCo"):
+        build(folder, '<include file="scene.xml"/>')
+    assert len(scene_files(folder / "scene.xml")) == 2
+
+
+def test_everything_is_told_at_once_and_before_anything_is_written(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = folder / "scene.xml"
+    parts = '<include file="../secret.xml"/><asset><texture file="../secret.png"/></asset>'
+    scene.write_text(scene.read_text().replace("</mujoco>", f"{parts}</mujoco>"))
+    out, given = folder / "out", f"plant.contact.model_path={scene}"
+    assert main(["run", "lab_circle", "--set", given, "--out", str(out)]) == 2
+    told = capsys.readouterr().err
+    assert "secret.xml" in told
+    assert "secret.png" in told
+    assert not out.exists()
