@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.errors import InputError, RunError, is_of_input, of_system
+from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_system
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
@@ -44,7 +44,7 @@ class NewFolder(Quiet):
             RunError: a signal or the system broke it off.
         """
         from ttwmr_mj.runs.folder import results_folder
-        from ttwmr_mj.runs.new_folder import kept, new_folder
+        from ttwmr_mj.runs.new_folder import is_recorded, kept, new_folder
 
         folder = self.out or results_folder(name, suffix)
         with new_folder(folder, self.force):
@@ -52,6 +52,10 @@ class NewFolder(Quiet):
                 yield folder
             except KeyboardInterrupt:
                 raise RunError(f"stopped; {kept(folder)}") from None
+            except MachineError as error:  # which may have worked for a while
+                if is_recorded(folder):
+                    raise RunError(f"{error}; {kept(folder)}") from error
+                raise
             except OSError as error:
                 if is_of_input(error) and folder.is_dir():
                     raise

@@ -27,7 +27,7 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
 }
 # arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
 FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
-PIECE_ROWS = 16_384  # written at a time: an hour in one table takes 40 MB
+PIECE_ROWS = 4_096  # written at a time: an hour in one table takes 80 MB
 
 
 def q_names(width: int) -> tuple[str, ...]:

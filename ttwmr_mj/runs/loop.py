@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.errors import MachineError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.actuation import Actuation
@@ -121,6 +122,9 @@ class Loop:
             time_s = max(self.done - 1, 0) * period
             self._end_all(Outcome("interrupted", "stopped by the user", time_s))
             self._report_rest()
+        except MachineError:  # of a camera that works no longer
+            self._report_rest()
+            raise
 
     def _report_rest(self) -> None:
         """Report the last rows, unless that was done."""

@@ -8,12 +8,14 @@ frames, where rounding decides.
 
 import weakref
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from ttwmr_mj.errors import MachineError, described
 from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
@@ -129,8 +131,20 @@ class RegionRenderer:
         )
 
     def _tiles(self, region: Region) -> Image:
-        """The region in pieces that fit the buffer."""
-        self._context.make_current()
+        """The region in pieces that fit the buffer.
+
+        Raises:
+            MachineError: OpenGL works no longer.
+        """
+        try:
+            self._context.make_current()
+            return self._drawn(region)
+        except Exception as error:  # each backend has its own, none has a common base
+            raise MachineError(
+                f"the camera's OpenGL works no longer: {described(error)}"
+            ) from error
+
+    def _drawn(self, region: Region) -> Image:
         picture = np.empty((*region.shape, 3), dtype=np.uint8)
         for top in range(region.top, region.bottom, TILE_PX):
             for left in range(region.left, region.right, TILE_PX):
@@ -156,6 +170,7 @@ class RegionRenderer:
 
 def _release(context: Any, buffers: mujoco.MjrContext) -> None:
     """Free OpenGL's objects in the context that owns them: in another they are someone else's."""
-    context.make_current()
-    buffers.free()
-    context.free()
+    with suppress(Exception):  # of a context that broke in another thread, which still has it
+        context.make_current()
+        buffers.free()
+        context.free()
