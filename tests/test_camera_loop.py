@@ -17,6 +17,7 @@ from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.vision.camera.frame import FIRST_LABEL_CLASS
+from ttwmr_mj.vision.log import CameraRecord
 
 FAULTS = ("camera_dropped", "camera_blackout", "camera_occluder", "camera_distractor")
 
@@ -131,6 +132,21 @@ def test_the_recording_shows_what_the_camera_saw(tmp_path: Path) -> None:
     # one picture in three
     assert (samples - 2) // 3 <= rows("/camera/picture") <= samples // 3 + 1
     assert rows("/tracker") >= 1
+
+
+@pytest.mark.parametrize("every", [0, 1, 3])
+def test_of_the_frames_as_many_are_kept_as_are_wanted(every: int) -> None:
+    experiment = Experiment(
+        load_scenario("lab_circle_camera", ["duration_s=0.5"]), scenarios_folder()
+    )
+    log: list[CameraRecord] = []
+    experiment.run(lambda _: log.extend(experiment.sensor.drain_log()), frames_every=every)
+    seen = [record for record in log if record.truth is not None]  # of frames that arrived
+    assert len(seen) > 10
+    assert all(record.sighting is not None for record in seen)
+    kept = [record.frame is not None for record in seen]
+    assert kept == [bool(every) and k % every == 0 for k in range(len(seen))]
+    assert all(record.frame.truth is record.truth for record in seen if record.frame)
 
 
 @pytest.mark.slow

@@ -34,12 +34,14 @@ def read(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     path: Path = tmp_path_factory.mktemp("camera") / "run.rrd"
     image = np.zeros((8, 8, 3), np.uint8)
     image[:, 4:] = 255
-    frame = SimpleNamespace(image=image, truth=SimpleNamespace(centres_px=TRUE))
+    frame, truth = SimpleNamespace(image=image), SimpleNamespace(centres_px=TRUE)
     sighting = SimpleNamespace(found_px=FOUND, predicted_px=LOOKED_FOR, search_px=2.5)
+    nothing = dict.fromkeys(("frame", "truth", "sighting"))
+    seen = {"frame": frame, "truth": truth, "sighting": sighting}
     records = [
-        SimpleNamespace(time_s=0.0, frame=None, sighting=None, estimate=estimate(NAN, "lost")),
-        SimpleNamespace(time_s=0.5, frame=frame, sighting=sighting, estimate=estimate(FIRST)),
-        SimpleNamespace(time_s=1.0, frame=None, sighting=None, estimate=estimate(POSE)),
+        SimpleNamespace(time_s=0.0, estimate=estimate(NAN, "lost"), **nothing),
+        SimpleNamespace(time_s=0.5, estimate=estimate(FIRST), **seen),
+        SimpleNamespace(time_s=1.0, estimate=estimate(POSE), **nothing),
     ]
     # a camera that sees x, y, and marks its height by 1000 px per metre in x
     camera = SimpleNamespace(project=lambda p: p[..., :2] + 1000 * p[..., 2:] * [1.0, 0.0])

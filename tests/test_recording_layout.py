@@ -116,30 +116,6 @@ def test_rows_of_several_simulations_are_refused(tmp_path: Path) -> None:
         recording.append(rows)
 
 
-def test_the_picture_of_every_third_frame_whatever_the_chunks() -> None:
-    from ttwmr_mj.recording.camera_view import CameraView
-
-    sent: list[float] = []
-    stream = SimpleNamespace(
-        log=lambda *_, **__: None,
-        send_columns=lambda path, index, _: (
-            sent.extend(index[0].as_arrow_array().cast("int64").to_pylist())
-            if path == "camera/picture"
-            else None
-        ),
-    )
-    view = CameraView(stream, None, SimpleNamespace(names=()), show_every=3)
-    frame = SimpleNamespace(image=np.zeros((4, 4, 3), np.uint8), truth=None)
-    unseen = SimpleNamespace(q=np.full(4, np.nan), status="tracking")
-    records = [
-        SimpleNamespace(time_s=float(k), frame=frame, sighting=None, estimate=unseen)
-        for k in range(11)
-    ]
-    for start, stop in ((0, 1), (1, 5), (5, 6), (6, 11)):
-        view.append(records[start:stop])
-    assert sent == [0, 3_000_000_000, 6_000_000_000, 9_000_000_000]
-
-
 def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> None:
     from ttwmr_mj.scenario.file import load_scenario
     from ttwmr_mj.studies.compare.recording import record_comparison
@@ -195,7 +171,7 @@ def test_a_tracked_video_shows_picture_poses_and_uncertainty(tmp_path: Path) -> 
         SimpleNamespace(q=q, status="tracking", covariance=np.diag([9e-6, 16e-6] + [1.0] * 6)),
     ]
     records = [
-        SimpleNamespace(time_s=0.5 * k, frame=None, sighting=None, estimate=estimate)
+        SimpleNamespace(time_s=0.5 * k, frame=None, truth=None, sighting=None, estimate=estimate)
         for k, estimate in enumerate(estimates)
     ]
     with TrackRecorder(path, "v.avi", camera, labels) as recording:

@@ -133,8 +133,12 @@ class Sensor(ABC):
     def commanded(self, wheel_speed_rad_s: FloatArray) -> None:  # noqa: B027
         """Take note of the wheel speeds (nsim, 2) that hold from now on for one period."""
 
-    def keep_log(self) -> None:  # noqa: B027
-        """From now on, keep what was measured, for reports on the run."""
+    def keep_log(self, frames_every: int = 1) -> None:  # noqa: B027
+        """From now on, keep what was measured, for reports on the run.
+
+        Args:
+            frames_every: of a camera, keep one frame in this many; 0: none.
+        """
 
     def close(self) -> None:  # noqa: B027
         """Release the sensor's resources."""

@@ -52,22 +52,15 @@ class CameraView:
         stream: of the recording.
         camera: the calibrated camera, which is what the estimate is drawn with.
         layout: the labels on the robot.
-        show_every: keep one frame in this many as a picture; detections are kept for all.
     """
 
     def __init__(
-        self,
-        stream: rr.RecordingStream,
-        camera: CameraModel,
-        layout: LabelLayout,
-        show_every: int = 1,
+        self, stream: rr.RecordingStream, camera: CameraModel, layout: LabelLayout
     ) -> None:
         self._stream = stream
         self._camera = camera
         self._layout = layout
         self._names = [name.replace("_", " ") for name in layout.names]
-        self._show_every = show_every
-        self._arrived = 0  # frames so far
         self._status = StateLog(stream, "tracker", STATUS_LOOKS)
         for name, (archetype, looks) in OVERLAY_LOOKS.items():
             stream.log(f"{PICTURE}/{name}", archetype.from_fields(**looks), static=True)
@@ -76,7 +69,9 @@ class CameraView:
         """Log the next control periods, oldest first."""
         if not records:
             return
-        self._frames([(r.time_s, r.frame) for r in records if r.frame is not None])
+        self._pictures([(r.time_s, r.frame) for r in records if r.frame is not None])
+        true = [(r.time_s, r.truth) for r in records if r.truth is not None]
+        self._points("true", [t for t, _ in true], [_finite(truth.centres_px) for _, truth in true])
         self._sightings([(r.time_s, r.sighting) for r in records if r.sighting is not None])
         known = [r for r in records if np.isfinite(r.estimate.q).all()]
         self._hidden([r for r in known if r.sighting is not None])
@@ -88,17 +83,11 @@ class CameraView:
         times_s = np.array([r.time_s for r in records])
         self._status.append(times_s, [str(r.estimate.status) for r in records])
 
-    def _frames(self, frames: Sequence[tuple[float, Frame]]) -> None:
-        """Some as pictures; of simulated ones, where the labels really are."""
-        first = -self._arrived % self._show_every
-        self._arrived += len(frames)
-        shown = frames[first :: self._show_every]
+    def _pictures(self, frames: Sequence[tuple[float, Frame]]) -> None:
         jpeg = [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]
-        blobs = [cv2.imencode(".jpg", frame.image, jpeg)[1].tobytes() for _, frame in shown]
+        blobs = [cv2.imencode(".jpg", frame.image, jpeg)[1].tobytes() for _, frame in frames]
         columns = rr.EncodedImage.columns(blob=blobs, media_type=["image/jpeg"] * len(blobs))
-        self._send("", [time_s for time_s, _ in shown], columns)
-        true = [(time_s, frame.truth) for time_s, frame in frames if frame.truth is not None]
-        self._points("true", [t for t, _ in true], [_finite(truth.centres_px) for _, truth in true])
+        self._send("", [time_s for time_s, _ in frames], columns)
 
     def _sightings(self, sightings: Sequence[tuple[float, Sighting]]) -> None:
         times_s = [time_s for time_s, _ in sightings]

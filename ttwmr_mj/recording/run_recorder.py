@@ -34,7 +34,6 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.log import CameraRecord
 
 PACE_LOOKS = {"kept": ("kept", style.IDLE), "behind": ("behind the clock", style.ALERT)}
-SHOW_EVERY = 3  # 10 pictures a second: encoding all 30 would take a fifth of the time of a run
 
 
 class RunRecorder(RrdFile):
@@ -146,7 +145,7 @@ class RunRecorder(RrdFile):
         if self._camera is None:
             from ttwmr_mj.recording.camera_view import CameraView
 
-            self._camera = CameraView(self._stream, camera, layout, SHOW_EVERY)
+            self._camera = CameraView(self._stream, camera, layout)
         self._camera.append(records)
         self.flush()
 

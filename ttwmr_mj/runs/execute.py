@@ -15,7 +15,7 @@ from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.loop import Outcome
 from ttwmr_mj.runs.metrics import metrics_of, write_result
 from ttwmr_mj.runs.pace import Pace
-from ttwmr_mj.runs.records import Progress, Records
+from ttwmr_mj.runs.records import Progress, Records, frames_every
 from ttwmr_mj.runs.report import details_text, figure_title, result_text
 from ttwmr_mj.runs.signals import held_back
 from ttwmr_mj.runs.stopwatch import Stopwatch
@@ -113,7 +113,9 @@ def run_experiment(
         contact.keep_physics_rate()
     with ExitStack() as ending, Records(experiment, folder, pace, live, progress) as records:
         watch.lap("setup")
-        result = experiment.run(records.report, pace=pace)
+        result = experiment.run(
+            records.report, pace=pace, frames_every=frames_every(experiment.scenario)
+        )
         ending.enter_context(held_back())  # until metrics.json says that the run is whole
         records.wait()
         result = _finished(experiment, records, result, pace, replayed)

@@ -117,6 +117,8 @@ class Experiment:
         initial: RobotState | None = None,
         pushes: tuple[Push, ...] | None = None,
         pace: Pace | None = None,
+        *,
+        frames_every: int = 1,
     ) -> Result:
         """Run from the initial state to the end, or until it fails.
 
@@ -125,11 +127,12 @@ class Experiment:
             initial: where every simulation starts; None: where the scenario says, all of them.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
             pace: how fast; None: as fast as it can.
+            frames_every: of a camera, keep one frame in this many for the report; 0: none.
 
         Raises:
             InputError: the controller cannot start.
         """
-        loop = self._simulations.run(report, initial, pushes, pace)
+        loop = self._simulations.run(report, initial, pushes, pace, frames_every=frames_every)
         return Result(
             scenario=self.scenario,
             trajectory=loop.rows.rows(0, loop.done),

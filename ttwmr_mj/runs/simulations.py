@@ -99,6 +99,7 @@ class Simulations:
         pace: Pace | None = None,
         *,
         drawable: bool = True,
+        frames_every: int = 1,
     ) -> Loop:
         """Run from the initial states to the end, or until all have failed.
 
@@ -108,6 +109,7 @@ class Simulations:
             pushes: on each simulation; None: what the scenarios say, drawn by their seeds.
             pace: how fast; None: as fast as it can.
             drawable: keep joints and contacts, which only drawings need.
+            frames_every: of a camera, keep one frame in this many for the report; 0: none.
 
         Returns:
             the loop, over.
@@ -121,7 +123,7 @@ class Simulations:
         ]
         self.sensor = build.make_sensor(one, plant, rngs, self._folder)
         if report:
-            self.sensor.keep_log()
+            self.sensor.keep_log(frames_every)
         plant.reset(initial or self._initial())
         rows = self._blank_rows(drawable=drawable)
         limits_s = control.controller_start_limit_s, control.controller_time_limit_s

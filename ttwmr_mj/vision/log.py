@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from ttwmr_mj.vision.camera.frame import Frame
+from ttwmr_mj.vision.camera.frame import Frame, FrameTruth
 from ttwmr_mj.vision.tracking.estimate import Sighting, TrackEstimate
 
 
@@ -11,6 +11,7 @@ class CameraRecord:
     """One control period of one camera."""
 
     time_s: float  # of the control sample
-    frame: Frame | None  # the newest frame that arrived in it; None where none did
-    sighting: Sighting | None  # what the tracker made of it; None without a frame
+    frame: Frame | None  # the newest frame that arrived in it; None where none did or was kept
+    truth: FrameTruth | None  # of that frame, kept or not; None of a real camera's
+    sighting: Sighting | None  # what the tracker made of that frame; None where none arrived
     estimate: TrackEstimate  # the tracker's answer for this sample

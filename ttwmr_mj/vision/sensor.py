@@ -96,6 +96,7 @@ class CameraSensor(Sensor):
         delivery = section.camera.faults.delivery
         self._faults = [DeliveryFaults(delivery, child) for child in children[1::3]]
         self._log: list[CameraRecord] | None = None
+        self._frames_every = self._frames = 0  # kept one in, so far
         self._period_s = period_s
         channel = section, period_s, children[2::3], told_latency_s
         self._travelling = MeasurementQueue[Future[Frames]](*channel)
@@ -130,8 +131,7 @@ class CameraSensor(Sensor):
         if self.latency is not None:
             self._learn_latency(arrived)
         if self._log is not None:
-            frame = arrived[0][-1] if arrived[0] else None
-            self._log.append(CameraRecord(now, frame, self.trackers[0].sighting, answers[0]))
+            self._log.append(self._record(arrived[0], answers[0], now))
 
         def column(name: str) -> FloatArray:
             return np.array([getattr(answer, name) for answer in answers], dtype=np.float64)
@@ -153,12 +153,26 @@ class CameraSensor(Sensor):
             self.latency.commanded(wheel_speed_rad_s)
         self._k += 1
 
-    def keep_log(self) -> None:
-        """From now on, keep what the first simulation's camera saw, for `drain_log`."""
-        self._log = []
+    def keep_log(self, frames_every: int = 1) -> None:
+        """From now on, keep what the first simulation's camera saw, for `drain_log`.
+
+        Args:
+            frames_every: keep one frame in this many; a frame is 0.9 MB. 0: none.
+        """
+        self._log, self._frames_every, self._frames = [], frames_every, 0
+
+    def _record(self, arrived: list[Frame], answer: TrackEstimate, now: float) -> CameraRecord:
+        """What the log says of the first simulation's camera in this period."""
+        sighting = self.trackers[0].sighting
+        if not arrived:
+            return CameraRecord(now, None, None, sighting, answer)
+        frame, every = arrived[-1], self._frames_every
+        kept = every and self._frames % every == 0
+        self._frames += 1
+        return CameraRecord(now, frame if kept else None, frame.truth, sighting, answer)
 
     def drain_log(self) -> list[CameraRecord]:
-        """The records since the last call, oldest first; frames are large, so call it often."""
+        """The records since the last call, oldest first."""
         records, self._log = self._log or [], []
         return records
 

@@ -96,7 +96,7 @@ def track(
 
 def _tracked(tracker: Tracker, frame: Frame) -> CameraRecord:
     sighting = tracker.see(frame.image, frame.time_s)
-    return CameraRecord(frame.time_s, frame, sighting, tracker.estimate(frame.time_s))
+    return CameraRecord(frame.time_s, frame, None, sighting, tracker.estimate(frame.time_s))
 
 
 def _row(record: CameraRecord) -> tuple[float, ...]:
