@@ -12,6 +12,8 @@ import sys
 from pathlib import Path
 from typing import NamedTuple
 
+import cv2
+import numpy as np
 import pytest
 
 import ttwmr_mj as tt
@@ -91,6 +93,52 @@ def test_files_are_there_or_not(line: str, left: list[str], tmp_path: Path) -> N
     assert ended.err.count("\n") == 1
     assert "No space left on device" in ended.err
     assert ended.left == ["./filler", *left]
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        "run lab_circle --out out --set duration_s=1.0",
+        "new mine",
+        "export-schema --out schema.json",
+        "calibrate --board board.png",
+        "bench quick --out out --quiet",
+        "sweep hitch_friction --out out --quiet",
+    ],
+)
+def test_a_read_only_disk_is_told_before_anything_runs(words: str, tmp_path: Path) -> None:
+    ended = on_small_disk(tmp_path, "64k", f"mount -o remount,ro $PWD; ttwmr {words}")
+    assert ended.code in (1, 2)
+    assert ended.err.count("\n") == 1, ended.err
+    assert "Read-only file system" in ended.err or "nothing can be written in" in ended.err
+    assert ended.left == []
+
+
+@pytest.mark.slow
+def test_a_track_is_whole_or_not_there(tmp_path: Path) -> None:
+    film = cv2.VideoWriter(
+        str(tmp_path / "dark.avi"), cv2.VideoWriter.fourcc(*"MJPG"), 30.0, (640, 480)
+    )
+    for _ in range(60):
+        film.write(np.zeros((480, 640, 3), np.uint8))
+    film.release()
+    calibration = Path(tt.__file__).parents[1] / "scenarios/calibration/lab_camera.yaml"
+    line = f"ttwmr track ../dark.avi --calibration {calibration} --out out --quiet"
+    ended = on_small_disk(tmp_path, "64k", line)
+    assert ended.code == 1
+    assert ended.err.count("\n") == 1
+    assert "No space left on device" in ended.err
+    assert "./out/poses.parquet" not in ended.left
+
+
+@pytest.mark.slow
+def test_a_plan_is_whole_or_not_there(tmp_path: Path) -> None:
+    (tmp_path / "points.csv").write_text("x_m,y_m\n0,0\n0.4,0\n0.4,0.4\n")
+    ended = on_small_disk(tmp_path, "4k", FILLED + "ttwmr plan ../points.csv --out p.csv --quiet")
+    assert ended.code == 1
+    assert ended.err.count("\n") == 1
+    assert "No space left on device" in ended.err
+    assert ended.left == ["./filler"]
 
 
 @pytest.mark.slow
