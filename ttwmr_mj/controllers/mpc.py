@@ -21,7 +21,7 @@ reference there is no proof, but the nonlinear model and the limits are in the p
 linear law lacks.
 
 Time: a command that takes longer than a period comes too late on a real robot. The run counts these
-deadline misses (`control_overruns` in metrics.json); the command is used all the same, so that
+commands over a period (`control_overruns` in metrics.json); the command is used all the same, so that
 results do not depend on the machine's load.
 """
 
