@@ -41,6 +41,9 @@ class RowStream:
 
         table = rows.to_table()
         if self._file is None or self._writer is None:
+            # for the end: what a run needs is loaded at its start
+            import pyarrow.parquet
+
             self._file = self._path.open("wb")
             self._writer = pa.ipc.new_stream(self._file, table.schema)
         self._writer.write_table(table)
