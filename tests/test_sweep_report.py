@@ -20,6 +20,7 @@ from ttwmr_mj.studies.sweep.answers.findings import find
 from ttwmr_mj.studies.sweep.answers.read import Sweep
 from ttwmr_mj.studies.sweep.answers.report import write_report
 from ttwmr_mj.studies.sweep.answers.slices import Slicing
+from ttwmr_mj.studies.sweep.answers.words import parameter_label
 from ttwmr_mj.studies.sweep.execute import fill
 from ttwmr_mj.studies.sweep.folder.plan_file import write_plan
 
@@ -58,6 +59,20 @@ class Told:
 @pytest.fixture(scope="module")
 def told(tmp_path_factory: pytest.TempPathFactory) -> Told:
     return Told(tmp_path_factory.mktemp("grid") / "sweep")
+
+
+@pytest.mark.parametrize(
+    ("path", "label"),
+    [
+        ("robot.hitch.damping_n_m_s_rad", "hitch damping [N·m·s/rad]"),
+        ("belief.robot.trailer.mass_kg", "believed trailer mass [kg]"),
+        ("sensing.camera.noise.read_noise", "read noise"),
+        ("sensing.latency_s", "sensing latency [s]"),
+        ("duration_s", "duration [s]"),
+    ],
+)
+def test_axes_are_labelled_in_words(path: str, label: str) -> None:
+    assert parameter_label(path) == label
 
 
 def exact(count: int, of: int) -> str:

@@ -114,6 +114,7 @@ def parameter_label(path: str) -> str:
     end = next((end for end in UNITS if key.endswith(f"_{end}")), "")
     words = key.removesuffix(f"_{end}") if end else key
     owner = path.split(".")[-2] if "." in path else ""
+    owner = "" if owner in words.split("_") else owner  # no "noise read noise"
     believed = "believed " if path.startswith("belief.") else ""
-    text = f"{believed}{owner} {words}".replace("_", " ").strip()
+    text = " ".join(f"{believed}{owner} {words}".replace("_", " ").split())
     return f"{text} [{UNITS[end]}]" if end else text
