@@ -20,9 +20,9 @@ the scale of one step: a hitch that sticks ends where friction lets go of the er
 reference there is no proof, but the nonlinear model and the limits are in the plan, which is what a
 linear law lacks.
 
-Time: a command that takes longer than a period comes too late on a real robot. The run counts these
-commands over a period (`control_overruns` in metrics.json); the command is used all the same, so that
-results do not depend on the machine's load.
+Time: a command that takes longer than a period comes too late on a real robot. The run counts them
+(`control_overruns` in metrics.json); the command is used all the same, so that results do not
+depend on the machine's load.
 """
 
 from typing import ClassVar, Literal
