@@ -5,17 +5,22 @@ from __future__ import annotations
 import csv
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import scipy.stats
 from drawn import drawn
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from sweeps_drawn import FRICTION, HEADLINE, MASS, RATE, drawn_sweep
 
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.studies.sweep.answers.figures import _place_axis
 from ttwmr_mj.studies.sweep.answers.findings import find
 from ttwmr_mj.studies.sweep.answers.read import Sweep
 from ttwmr_mj.studies.sweep.answers.report import write_report
@@ -280,3 +285,17 @@ def test_the_report_of_a_sweep_that_ran(tmp_path: Path) -> None:
     assert "omitted" in page
     assert "published" in page
     assert "reference radius [m]" in page
+
+
+def test_a_logarithmic_axis_has_plain_numbers_that_do_not_overlap() -> None:
+    figure = Figure(figsize=(4.0, 3.0))
+    axes = figure.add_subplot()
+    axis = SimpleNamespace(path="controller.alpha4", logarithmic=True)
+    along = SimpleNamespace(slicing=SimpleNamespace(axis=axis, numeric=True, places=(1.0, 30.0)))
+    axes.plot(along.slicing.places, (0.0, 1.0))
+    _place_axis(axes, along)
+    FigureCanvasAgg(figure).draw()
+    shown = [t for t in axes.get_xticklabels(which="both") if t.get_text()]
+    assert {"2", "5", "10", "20"} <= {text.get_text() for text in shown}
+    boxes = sorted((text.get_window_extent() for text in shown), key=lambda box: box.x0)
+    assert all(a.x1 < b.x0 for a, b in pairwise(boxes))

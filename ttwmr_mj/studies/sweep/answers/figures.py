@@ -187,6 +187,7 @@ def _place_axis(axes: Axes, along: Along) -> None:
         axes.set_xlim(-0.5, len(slicing.labels) - 0.4)
     elif slicing.axis.logarithmic:
         axes.set_xscale("log")
+        plain_log(axes.xaxis, (min(slicing.places), max(slicing.places)))
     else:
         axes.ticklabel_format(axis="x", scilimits=(-3, 5), useMathText=True)
         axes.locator_params(axis="x", nbins=6)
