@@ -35,29 +35,40 @@ def resident_mb() -> float:
 
 
 def peak_mb() -> float:
-    """The most that it ever held."""
+    """The most that it held since `forget_peak`."""
     lines = Path("/proc/self/status").read_text().splitlines()
     return int(next(line for line in lines if line.startswith("VmHWM")).split()[1]) * 1.024e-3
+
+
+def forget_peak() -> None:
+    """From now on, the peak is another: what was built at the start is no growth."""
+    Path("/proc/self/clear_refs").write_text("5")
 
 
 def one_run(kind: str, duration_s: float) -> dict[str, object]:
     """One long run, recorded."""
     scenario = load_scenario(SCENARIOS[kind], [f"duration_s={duration_s}", "output.figures=false"])
-    seen: list[tuple[float, float]] = []
+    seen: list[float] = []
+
+    def look(time_s: float) -> None:
+        if time_s < min(FIRST_S, 0.2 * duration_s):
+            return
+        if not seen:
+            forget_peak()
+        seen.append(resident_mb())
+
     with tempfile.TemporaryDirectory() as folder:
         started = perf_counter()
-        run = run_scenario(
-            scenario, Path(folder), progress=lambda time_s: seen.append((time_s, resident_mb()))
-        )
+        run = run_scenario(scenario, Path(folder), progress=look)
         took_s = perf_counter() - started
         sizes = {path.name: path.stat().st_size / 1e6 for path in Path(folder).iterdir()}
-    first = next(mb for time_s, mb in seen if time_s >= min(FIRST_S, 0.2 * duration_s))
+    first = seen[0]
     return {
         "kind": kind,
         "simulated_s": round(run.outcome.time_s, 1),  # less if it was stopped
         "wall_s": round(took_s, 1),
         "first_mb": round(first, 1),
-        "growth_mb": round(max(mb for _, mb in seen) - first, 1),
+        "growth_mb": round(max(seen) - first, 1),
         "with_files_mb": round(peak_mb() - first, 1),
         "files_mb": {name: round(size, 2) for name, size in sorted(sizes.items())},
     }

@@ -64,6 +64,17 @@ def test_a_fragment_and_the_frames_of_a_run(tmp_path: Path) -> None:
     assert not (tmp_path / "out" / "figures").exists()
 
 
+def test_a_fragment_that_is_wrong_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    fragment = tmp_path / "fragment.toml"
+    fragment.write_text("robot = 5\n")
+    assert main(["validate", "lab_circle", "--fragment", str(fragment)]) == 2
+    told = capsys.readouterr().err
+    assert f"lab_circle.toml with {fragment}: 1 error" in told
+    assert "robot: got 5; allowed: a table" in told
+
+
 def test_validate_says_what_is_wrong_with_each(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -85,10 +85,27 @@ def test_what_cannot_be_made_is_an_input_error(
         ("at_command", "return Command(one, no, None)", "near_singular has shape ()"),
         ("at_command", "return Command(one + 0j, no, no)", "wheel speeds are not real numbers"),
         ("at_command", "return Command(one > 0, no, no)", "wheel speeds are not real numbers"),
-        ("at_command", "return None", "controller.command() raised AttributeError"),
+        (
+            "at_command",
+            "return None",
+            "the answer is of the type NoneType; allowed: a ttwmr_mj.Comm",
+        ),
+        (
+            "at_command",
+            "return one",
+            "the answer is of the type ndarray; allowed: a ttwmr_mj.Comman",
+        ),
     ],
 )
 def test_the_run_ends_with_the_reason(place: str, code: str, told: str, tmp_path: Path) -> None:
     (outcome,) = made(tmp_path, place, code).run().outcomes
     assert outcome.status == "failed"
     assert told in outcome.reason
+
+
+def test_a_law_of_ones_own_tows_trains(tmp_path: Path) -> None:
+    code = "assert estimate.state.q.shape == (1, 5); return Command(one, no, no)"
+    train = "robot.trailers=[{next_hitch_offset_m=0.3},{}]"
+    experiment = made(tmp_path, "at_command", code, train, "robot.hitches=[{},{}]")
+    (outcome,) = experiment.run().outcomes
+    assert outcome.status == "ok", outcome.reason

@@ -43,6 +43,7 @@ def one_line(text: str) -> str:
         ("ttwmr export-schema > /dev/full", 1, "No space left on device"),
         ("ttwmr --version > /dev/full", 1, "No space left on device"),
         ("ttwmr export-schema | head -1 >/dev/null", 0, ""),
+        ("ttwmr run lab_circle --set plant.kind=analytic --set duration_s=1.0 | :", 0, ""),
         ("ttwmr runn 2>&-", 2, ""),
         ("ttwmr --help >&-", 0, ""),
         ("ttwmr --help >&- 2>&- <&-", 0, ""),
@@ -147,3 +148,20 @@ def test_what_a_terminal_obeys_is_printed_as_escapes(capsys: pytest.CaptureFixtu
     assert printable("\x1b[2J\x9b\r\u202e\udcff") == "\\x1b[2J\\x9b\\r\\u202e\\udcff"
     assert main(["validate", "lab_circle", "--set", "\x1b]0;title\x07=1"]) == 2
     assert "\x1b" not in capsys.readouterr().err
+
+
+def test_libraries_do_not_comment_on_numbers(tmp_path: Path) -> None:
+    """A hitch this stiff overflows the model that `tvlqr` predicts with."""
+    words = "--set robot.hitch.stiffness_n_m_rad=1e4 --set duration_s=0.2 --out out"
+    ended = shell(f"ttwmr run double_inverted {words}", tmp_path)
+    assert ended.returncode == 1
+    assert "Warning" not in ended.stderr
+    assert "wheel speeds are not finite" in ended.stderr
+    assert all(line.startswith("ttwmr: ") for line in ended.stderr.splitlines())
+
+
+def test_a_law_without_gains_says_so(tmp_path: Path) -> None:
+    words = "--set robot.hitch.coulomb_friction_n_m=1000.0 --set duration_s=0.2 --out out"
+    ended = shell(f"ttwmr run double_inverted {words}", tmp_path)
+    assert ended.returncode == 1
+    assert "controller.start() found no gains for these numbers of robot and ref" in ended.stderr

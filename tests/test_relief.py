@@ -277,3 +277,22 @@ def test_older_trajectories_without_a_footing_are_read(tmp_path: Path) -> None:
     pq.write_table(older, tmp_path / "older.parquet")
     assert np.array_equal(Trajectory.read(tmp_path / "now.parquet").height_m, rows.height_m)
     assert np.isnan(Trajectory.read(tmp_path / "older.parquet").height_m).all()
+
+
+@pytest.mark.parametrize("height_m", [0.01, 0.03])
+def test_a_plate_under_all_of_a_train_is_a_floor(height_m: float) -> None:
+    """Settled at the origin, in the plate, the train would be thrown out of it."""
+    train = tt.load_scenario("double_inverted").robot
+    q = np.array([[0.6, 0.0, 1.6, 2.0, 2.4]])
+    plate = Kerb(x_m=0.6, y_m=0.0, length_m=10.0, width_m=10.0, height_m=height_m)
+    footings = []
+    for ground in (Ground(), Ground(kerbs=(plate,))):
+        plant = ContactPlant(train, ContactOptions(), ground=ground)
+        plant.reset(RobotState(q=q, q_rate=np.zeros_like(q)))
+        footings.append(plant.footing())
+        # where it is put, to what the let-down moves it: it slides by micrometres
+        np.testing.assert_allclose(plant.state().q, q, atol=1e-5)
+    flat, raised = footings
+    assert raised.wheels_on_floor == [2.0]
+    for a, b in zip(flat, raised, strict=True):
+        np.testing.assert_allclose(a, b, atol=1e-6)

@@ -129,6 +129,14 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ((0.002, 0.01, 0.002), "control.sampling_time_s", MOTOR + "loop_period_s"),
         )
     ],
+    "_torques": [
+        (
+            ["control.inner_loop=computed_torque"],
+            ["control.inner_loop=torque"],
+            "control.inner_loop",
+            "lyapunov commands wheel speeds, and no torques",
+        )
+    ],
     "_torque_input": [
         (
             ["plant.kind=analytic", "plant.analytic.published_spring=true"],

@@ -105,6 +105,19 @@ BAD = {
         + '"reference" = { values = ["a", "b"] }\n',
         "reference: got 'a'",
     ),
+    "a variant's seed": (
+        varied(RADIUS + "{ values = [0.3, 0.4] }") + "[variants.a]\noverrides = ['seed=4']\n",
+        "variants.a.overrides: got seed=4; cannot be set by a variant; all variants have the seeds",
+    ),
+    "a variant that sets what is varied": (
+        varied(RADIUS + "{ values = [0.3, 0.4] }")
+        + "[variants.a]\noverrides = ['reference.radius_m=0.5']\n",
+        "variants.a.overrides: got reference.radius_m=0.5; this key is varied",
+    ),
+    "variants that are the same": (
+        varied(RADIUS + "{ values = [0.3, 0.4] }") + "[variants.a]\n[variants.b]\n",
+        "variants.b.overrides: the same as those of a: nothing to compare",
+    ),
     "seeds as a parameter": (
         varied('"seed" = { values = [1, 2] }'),
         "parameters.seed: cannot be varied; seeds are given in `seeds`",

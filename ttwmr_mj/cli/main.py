@@ -4,6 +4,7 @@ import argparse
 import signal
 import sys
 import threading
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any, NoReturn
@@ -32,6 +33,8 @@ def main(words: Sequence[str] | None = None) -> int:
         words = last_resort.readable(sys.argv[1:] if words is None else words)
         subcommand = parse(words)
         debug = subcommand.debug
+        if supervisor.own_process and not debug and not sys.warnoptions:
+            warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell of
         with _ended_like_ctrl_c():
             return last_resort.close_streams(subcommand())
     except SystemExit as end:  # of argparse, with its help or its error told

@@ -56,6 +56,8 @@ class NewFolder(Quiet):
                 if is_recorded(folder):
                     raise RunError(f"{error}; {kept(folder)}") from error
                 raise
+            except BrokenPipeError:  # of who reads the output: no fault of the folder
+                raise
             except OSError as error:
                 if is_of_input(error) and folder.is_dir():
                     raise

@@ -27,6 +27,7 @@ class CustomOptions(ControllerOptions):
         "path. The resolved scenario of a run says it",
     )
     needs_reference: ClassVar[bool] = False
+    tows_trains: ClassVar[bool] = True
     alone: ClassVar[bool] = True
     options: dict[str, Any] = Field(default={}, description="keyword arguments passed to the class")
 

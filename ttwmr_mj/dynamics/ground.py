@@ -38,6 +38,7 @@ class Ground(Config):
 
     regions: Annotated[tuple[Region, ...], Field(strict=False)] = Field(
         default=(),
+        max_length=1000,
         description="parts with a friction of their own (contact plant only), the last on top; "
         "elsewhere it is plant.contact.floor_friction",
     )
@@ -45,7 +46,7 @@ class Ground(Config):
         default=None, description="rolling terrain (contact plant only); left out: a plane"
     )
     kerbs: Annotated[tuple[Kerb, ...], Field(strict=False)] = Field(
-        default=(), description="plates on the floor (contact plant only)"
+        default=(), max_length=200, description="plates on the floor (contact plant only)"
     )
 
     @property

@@ -21,7 +21,7 @@ from ttwmr_mj.plants.footing import Footing, Stance
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
-from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.plants.relief import Relief, take_off
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
@@ -142,14 +142,15 @@ class ContactPlant(Plant):
         """(nsim, nq) generalized positions of robots standing in their contacts at the origin.
 
         They sink and tilt about their y axis; nothing else may differ from the keyframe, but for a
-        load off the axis, which also tilts about x. Whatever the floor's slope, a robot stands as
-        if it were not pulled along.
+        load off the axis, which also tilts about x. Whatever the ground, a robot stands as if it
+        were level and flat.
         """
         first = {id(model): i for i, model in reversed(list(enumerate(models)))}
         place = {key: i for i, key in enumerate(first)}
         level = [copy.copy(models[i]) for i in first.values()]
         for model in level:
             model.opt.gravity[:2] = 0.0
+            take_off(model)
         apart = batch.Batch(level[0], len(level), min(threads, len(level)))
         if len(level) > 1:
             apart.set_models(level)

@@ -65,6 +65,15 @@ def _heights(terrain: Terrain) -> FloatArray:
     return scaled(np.flipud(picture).astype(np.float64), terrain.rms_height_m)
 
 
+def take_off(model: mujoco.MjModel) -> None:
+    """Leave only the floor, at height zero: nothing touches terrain and kerbs any more."""
+    for i in range(model.ngeom):
+        name = model.geom(i).name
+        if name == TERRAIN or name.startswith("kerb_"):
+            model.geom_conaffinity[i] = 0
+    model.geom("floor").pos[2] = 0.0
+
+
 class Relief:
     """Heights of a model's ground.
 

@@ -27,7 +27,7 @@ class Tractor(Config):
         description="a1: distance from P forward to the COM; Table I: 0.029",
     )
     wheel_radius_m: float = Field(
-        default=0.026, gt=0, le=1, description="r: mean radius of the wheels; Table I: 0.026"
+        default=0.026, ge=1e-4, le=1, description="r: mean radius of the wheels; Table I: 0.026"
     )
     wheel_radius_difference_m: float = Field(
         default=0.0,
@@ -36,10 +36,13 @@ class Tractor(Config):
         description="radius of the right wheel less that of the left, at most r; typically 1e-4",
     )
     track_width_m: float = Field(
-        default=0.119, gt=0, le=10, description="2b: distance between the wheels; Table I: 0.119"
+        default=0.119, ge=1e-4, le=10, description="2b: distance between the wheels; Table I: 0.119"
     )
     wheel_mass_kg: float = Field(
-        default=0.03, gt=0, le=100, description="mass of one wheel, included in m1; assumed: 0.03"
+        default=0.03,
+        ge=1e-9,
+        le=100,
+        description="mass of one wheel, included in m1; assumed: 0.03",
     )
     wheel_half_width_m: float = Field(
         default=0.006, gt=0, le=1, description="half the width of a tyre; assumed: 0.006"
@@ -153,11 +156,11 @@ class Casters(Config):
     """The spherical wheels: one under the tractor's nose, two under the trailer."""
 
     radius_m: float = Field(
-        default=0.008, gt=0, le=1, description="radius of one ball; assumed: 0.008"
+        default=0.008, ge=1e-4, le=1, description="radius of one ball; assumed: 0.008"
     )
     mass_kg: float = Field(
         default=0.001,
-        gt=0,
+        ge=1e-9,
         le=10,
         description="mass of one ball, included in its body's mass; assumed: 0.001",
     )

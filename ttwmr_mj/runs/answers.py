@@ -38,6 +38,11 @@ class Answers:
         Raises:
             ValueError, AttributeError: it is not a command for so many simulations.
         """
+        if not hasattr(answer, "wheel_speed_rad_s"):
+            raise ValueError(
+                f"the answer is of the type {type(answer).__name__}; allowed: a ttwmr_mj.Command, "
+                "such as Command.plain(wheel speeds of shape (nsim, 2))"
+            )
         signals = self._signals(answer.signals, nsim)
         torque = None
         if self.torque_input:

@@ -88,6 +88,12 @@ class Laws:
                     part.controller.start(part.task)
             except (InputError, KeyboardInterrupt):
                 raise
+            except np.linalg.LinAlgError as error:
+                reason = (
+                    "controller.start() found no gains for these numbers of robot and reference "
+                    f"({error}); the hitch's spring, damper and friction decide most"
+                )
+                broken.append(Broken(part.who.tolist(), reason, error))
             except BaseException as error:  # a law of the user's may raise anything
                 reason = f"controller.start() raised {described_within(limit_s, error)}"
                 if isinstance(error, Overrun):

@@ -185,6 +185,17 @@ def _motor_timing(scenario: Scenario) -> Iterable[Fault]:
         yield from _whole_steps(("control", key), getattr(scenario.control, key), loop, loop_key)
 
 
+def _torques(scenario: Scenario) -> Iterable[Fault]:
+    law = scenario.controller.kind
+    if scenario.control.inner_loop == "torque" and law != "custom":
+        yield Fault(
+            key=("control", "inner_loop"),
+            got="'torque'",
+            problem=f"{law} commands wheel speeds, and no torques",
+            hint="'computed_torque' drives its wheel speeds by torques",
+        )
+
+
 def _torque_input(scenario: Scenario) -> Iterable[Fault]:
     """The analytic plant under torques is Eq. 11-23 and nothing else."""
     if scenario.plant.kind == "contact" or not scenario.control.torque_input:
@@ -310,6 +321,7 @@ CHECKS = (
     Check(_frames, ("sensing.kind", "output")),
     Check(_physics_steps, ("plant.kind", "control", STEP)),
     Check(_motor_timing, ("plant.kind", "robot.servo", "control", STEP)),
+    Check(_torques, ("controller", "control")),
     Check(_torque_input, ("plant.kind", "plant.analytic", "control")),
     Check(_latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")),
     Check(_command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),

@@ -13,6 +13,14 @@ from ttwmr_mj.scenario.schema import Scenario
 
 Node = dict[str, Any]  # of a JSON Schema
 
+KINDS = {  # pydantic's name of a fault → what is meant, as a file has it
+    "model_type": "a table",
+    "dict_type": "a table",
+    "tuple_type": "a list",
+    "list_type": "a list",
+    "int_from_float": "a whole number",
+    "int_type": "a whole number",
+}
 # keys of the past, and what says the same today
 MOVED: dict[Keys, str] = {
     ("plant", "tractor_mass_factor"): "gone; give the driven tractor robot.tractor.mass_kg and "
@@ -67,7 +75,8 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
             )
         case "value_error":  # raised by a validator of this project
             return Fault(key=keys, got=shown(got), problem=str(context["error"]))
-    return Fault(key=keys, got=shown(got), allowed=error["msg"].removeprefix("Input should be "))
+    allowed = KINDS.get(error["type"]) or error["msg"].removeprefix("Input should be ")
+    return Fault(key=keys, got=shown(got), allowed=allowed)
 
 
 def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:
@@ -127,6 +136,8 @@ def _place(location: Keys, root: type[BaseModel]) -> tuple[Keys, Node, Node]:
         members = node.get("discriminator", {}).get("mapping", {})
         if key in members:
             node = _resolved({"$ref": members[key]}, schema)
+            continue
+        if key == "int" or (isinstance(key, str) and "[" in key):  # members of a union
             continue
         keys.append(key)
         table, node = node, _resolved(_inside(node, key), schema)

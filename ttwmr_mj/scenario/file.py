@@ -67,14 +67,14 @@ def load_scenario(
         InputError: with every fault of the file in one message.
     """
     path = find_scenario(name_or_path)
-    data = read_scenario(path)
+    data, source = read_scenario(path), str(path)
     if fragment is not None:
-        data = merged(data, read_scenario(fragment))
+        data, source = merged(data, read_scenario(fragment)), f"{path} with {fragment}"
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
         data["seed"] = seed
-    return check_scenario(data, str(path), path.parent)
+    return check_scenario(data, source, path.parent)
 
 
 def read_scenario(path: Path) -> dict[str, Any]:

@@ -18,7 +18,7 @@ class AnalyticOptions(Config):
     same_in_batch: ClassVar[frozenset[str]] = frozenset({"max_step_s"})
 
     max_step_s: float = Field(
-        default=0.011, ge=1e-6, le=0.1, description="longest integration step; typically 0.01"
+        default=0.011, ge=1e-5, le=0.1, description="longest integration step; typically 0.01"
     )
     published_spring: bool = Field(
         default=False,

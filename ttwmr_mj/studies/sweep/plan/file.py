@@ -57,7 +57,7 @@ class SweepFile(Config):
     )
     timeout_s: float = Field(
         default=300.0,
-        gt=0,
+        ge=0.1,
         le=86_400,
         description="wall time for each run of a chunk, after which its process is killed; "
         "several times that of a slow run",
@@ -281,8 +281,27 @@ def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
         hint = suggestion(file.metric, list(METRICS))
         yield Fault(key=("metric",), got=f"{file.metric!r}{hint}", allowed=", ".join(METRICS))
     yield from _sampling_faults(file)
+    yield from _variant_faults(file, {path for axis in axes for path in axis.parameters})
     for axis in axes:
         yield from _axis_faults(file, axis)
+
+
+def _variant_faults(file: SweepFile, varied: set[str]) -> Iterator[Fault]:
+    """What a variant sets and does not get."""
+    alike: dict[tuple[str, ...], str] = {}
+    for name, variant in file.variants.items():
+        where = ("variants", name, "overrides")
+        for given in variant.overrides:
+            path = given.partition("=")[0].strip()
+            if path in OWN_KEYS:
+                hint = "all variants have the seeds in `seeds`" if path == "seed" else ""
+                yield Fault(key=where, got=given, problem="cannot be set by a variant", hint=hint)
+            if path in varied:
+                problem = "this key is varied, and so the same in all variants"
+                yield Fault(key=where, got=given, problem=problem, hint="vary it, or set it")
+        other = alike.setdefault(tuple(variant.overrides), name)
+        if other != name:
+            yield Fault(key=where, problem=f"the same as those of {other}: nothing to compare")
 
 
 def _sampling_faults(file: SweepFile) -> Iterator[Fault]:
