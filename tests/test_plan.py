@@ -109,6 +109,17 @@ def test_a_table_with_names_or_without(tmp_path: Path) -> None:
             read_points(path)
 
 
+@pytest.mark.filterwarnings("error")
+def test_files_without_an_end_or_with_endless_cells(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="larger than 16,000,000 bytes"):
+        read_points(Path("/dev/zero"))
+    path = tmp_path / "way.csv"
+    for cell in ("1" * 130_000 + "x", "1" * 200_000):
+        path.write_text(f"{cell},0\n")
+        with pytest.raises(InputError, match="no points can be read"):
+            read_points(path)
+
+
 def test_a_drawing(tmp_path: Path) -> None:
     path = tmp_path / "way.svg"
     lines = {

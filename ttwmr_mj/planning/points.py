@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import MOST_BYTES
 from ttwmr_mj.state import FloatArray
 
 MOST_POINTS = 60  # of a plan; a line that is drawn with more is thinned evenly
 LINES = ("polyline", "polygon", "path")
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
 COMMAND = re.compile(r"([A-Za-z])([^A-Za-z]*)")
 
 
@@ -37,20 +38,29 @@ def read_points(path: Path, metres_per_unit: float = 1e-3) -> Points:
         InputError: it cannot be read, or holds no points; says why.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = _text(path)
         if path.suffix.lower() == ".svg":
             points, closed = _from_svg(text)
             points = (points - 0.5 * (points.min(axis=0) + points.max(axis=0))) * metres_per_unit
             points[:, 1] *= -1.0
         else:
             points, closed = _from_table(text), False
-    except (OSError, UnicodeDecodeError, ET.ParseError, ValueError) as error:
+    except (OSError, ET.ParseError, csv.Error, ValueError) as error:
         raise InputError(
             Fault(problem=f"no points can be read: {error}"), file=str(path)
         ) from error
     if len(points) > 2 and np.hypot(*(points[-1] - points[0])) < 1e-6:
         points, closed = points[:-1], True
     return Points(_thinned(points, closed), closed, len(points))
+
+
+def _text(path: Path) -> str:
+    """What a file of bounded size holds; of a device no more than that is read."""
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"larger than {MOST_BYTES:,} bytes")
+    return content.decode("utf-8-sig")
 
 
 def _from_table(text: str) -> FloatArray:
