@@ -92,6 +92,7 @@ def test_points_that_are_none() -> None:
         plan_through(Request(BEND[[0, 1, 1, 2]]), SPRUNG, limits)
 
 
+@pytest.mark.filterwarnings("error")
 def test_a_table_with_names_or_without(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
     path.write_text("# a way\nname, y_m, x_m\na, 0.2, 0.1\nb, 0.4, 0.3\n")
@@ -103,6 +104,7 @@ def test_a_table_with_names_or_without(tmp_path: Path) -> None:
         ("a,b\n1,2\n", "there must be x_m and y_m"),
         ("1,2\n3\n", "a line is not two numbers"),
         ("", "no finite points"),
+        ("0,0\n1e308,1\n-1e308,1\n", "farther than 1,000 m"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=problem):
@@ -120,13 +122,17 @@ def test_files_without_an_end_or_with_endless_cells(tmp_path: Path) -> None:
             read_points(path)
 
 
+@pytest.mark.filterwarnings("error")
 def test_a_drawing(tmp_path: Path) -> None:
     path = tmp_path / "way.svg"
+    unmoved = 'transform="translate(0) matrix(1,0,0,1,0,0)" style="text-transform:none"'
     lines = {
         '<polyline points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
         '<polygon points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], True),
         '<path d="M 0 0 h 100 V 50 z"/>': ([[-50, 25], [50, 25], [50, -25]], True),
         '<path d="m 0,0 100,0 0,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+        '<path d="M 0 0 H 1e2 v 5e+1"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+        f'<g {unmoved}><path d="M 0 0 H 100 V 50"/></g>': ([[-50, 25], [50, 25], [50, -25]], False),
     }
     for line, (corners, closed) in lines.items():
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><g>{line}</g></svg>')
@@ -135,7 +141,21 @@ def test_a_drawing(tmp_path: Path) -> None:
         assert got.closed is closed
     for line, problem in (
         ('<path d="M 0 0 C 1 1 2 2 3 3"/>', "has curves"),
-        ('<polyline transform="scale(2)" points="0,0 1,1"/>', "flatten it"),
+        ('<polyline transform="scale(2)" points="0,0 1,1"/>', "polyline has .* flatten it"),
+        (
+            '<g transform="scale(2)"><g><path d="M 0 0 H 1"/></g></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        (
+            '<g style="transform: scale(2)"><path d="M 0 0 H 1"/></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        (
+            '<g transform="nonsense"><path d="M 0 0 H 1"/></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        ('<path d="M"/>', "no two corners"),
+        ('<polyline points="0,0 1e308,0 -1e308,1e999"/>', "farther than 1,000 m"),
         ("<rect/>", "no polyline"),
     ):
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{line}</svg>')
