@@ -79,7 +79,7 @@ def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
     assert plan_through(Request(BEND, duration_s=advised), SPRUNG, limits).plan.time_s[-1] == (
         pytest.approx(advised)
     )
-    small = limits_of(SPRUNG, 0.9, workspace_m=(0.7, 1.0))
+    small = limits_of(SPRUNG, 0.9, workspace_m=(0.9, 1.0))
     with pytest.raises(RunError, match=r"workspace: .* a larger --workspace"):
         plan_through(Request(BEND), SPRUNG, small)
 
@@ -90,6 +90,21 @@ def test_points_that_are_none() -> None:
         plan_through(Request(BEND[:2], closed=True), SPRUNG, limits)
     with pytest.raises(InputError, match=r"points.2: is where the next one is"):
         plan_through(Request(BEND[[0, 1, 1, 2]]), SPRUNG, limits)
+
+
+def test_points_that_are_too_far_or_too_many() -> None:
+    """Refused before anything is laid out: it would take all memory."""
+    far = Request(np.array([[0.0, 0.0], [1e6, 0.0], [2e6, 1e5]]))
+    told = r"points.2: got \(1e\+06, 0\) m, and 1 more .* 1.8 × 1.3 m .* --workspace"
+    with pytest.raises(InputError, match=told):
+        plan_through(far, SPRUNG, limits_of(SPRUNG, 0.9))
+    with pytest.raises(InputError, match=r"points: 3 of them .* at most 2,000; .* in parts"):
+        plan_through(far, SPRUNG, limits_of(SPRUNG, 0.9, workspace_m=(1e7, 1e7)))
+
+
+def test_a_search_that_takes_too_long_ends() -> None:
+    with pytest.raises(RunError, match=r"within 0.01 s of computing; try fewer points"):
+        plan_through(Request(BEND), SPRUNG, limits_of(SPRUNG, 0.9), most_s=0.01)
 
 
 @pytest.mark.filterwarnings("error")
