@@ -216,15 +216,42 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
     [
         (["--out", "plan.txt"], "a file that ends in .csv"),
         (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
+        (["--fragment", "fitted.toml"], "no --scenario"),
         (["--workspace", "1.0"], "width and height"),
+        (["--workspace", "1e300", "1e300"], "--workspace: got 1e+300 1e+300; allowed: width"),
+        (["--workspace", "0.1", "1"], "each 0.3 to 1000 m"),
+        *((["--duration", t], "allowed: 0.1 to 3600 s") for t in ("nan", "-1", "0", "1e300")),
+        *((["--hitch-angle", a], "allowed: 0.1 to 180 degrees") for a in ("nan", "0", "1e9")),
+        *((["--scale", m], "allowed: 1e-06 to 1000 m") for m in ("nan", "-0.001", "1e300")),
+        (["--out", "no/such/plan.csv"], "--out: there is no folder no/such; make it first"),
+        (["--out", "way.csv", "--force"], "way.csv, which it is made from"),
+        (["--out", "./mine.csv", "--force", "--scenario", "mine.toml"], "mine.toml, which it is"),
     ],
 )
 def test_options_that_make_no_sense(
-    words: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    problem: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "way.csv").write_text("-0.4,-0.1\n0,0.1\n0.4,-0.1\n")
+    monkeypatch.chdir(tmp_path)
+    way = "-0.4,-0.1\n0,0.1\n0.4,-0.1\n"
+    Path("way.csv").write_text(way)
     assert main(["plan", str(tmp_path / "way.csv"), *words]) == 2
     assert problem in capsys.readouterr().err
+    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
+    assert Path("way.csv").read_text() == way
+
+
+def test_all_options_that_make_no_sense_are_told_at_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["--duration", "-1", "--hitch-angle", "nan", "--scale", "0", "--workspace", "2"]
+    assert main(["plan", "way.csv", *words, "--set", "a=1", "--out", "plan.txt"]) == 2
+    told = capsys.readouterr().err
+    names = ("--duration", "--hitch-angle", "--scale", "--workspace", "--set", "--out")
+    assert all(f"{name}: " in told for name in names), told
 
 
 @pytest.mark.slow

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from ttwmr_mj.errors import Fault, InputError, RunError
 from ttwmr_mj.planning.elastic import Elastic, Exceeded
+from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG
 from ttwmr_mj.planning.transcription import (
     A1,
     A2,
@@ -49,7 +50,6 @@ JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
 PACE_M_S = 0.1
 MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
 ROOM = 1.03  # of advice, a little more than has to be
-LONGEST_S = 3600.0  # a way may take
 MOST_ITERATIONS, MOST_S = 400, 120.0
 MOST_KNOTS = 2000  # of a way; its solver takes minutes
 # how a duration answers for a limit: speeds fall with it, accelerations with its square
@@ -361,11 +361,13 @@ def _refusal(exceeded: list[Exceeded], found: Found, request: Request) -> str:
 def _remedy(one: Exceeded, duration_s: float) -> str:
     if one.group in BY_TIME:
         longer = ROOM * duration_s * (1.0 + one.share) ** BY_TIME[one.group]
-        time = f", --duration {longer:.3g}" if longer <= LONGEST_S else ""
+        time = f", --duration {longer:.3g}" if longer <= DURATIONS_S[1] else ""
         return f"give it more time{time}, or a servo that does more"
     if one.group == "hitch angle":
         angle = np.ceil(np.degrees((1.0 + one.share) * one.limit))
-        allow = f"allow --hitch-angle {angle:.0f} degrees, or " if angle <= 180.0 else ""
+        allow = (
+            f"allow --hitch-angle {angle:.0f} degrees, or " if angle <= HITCH_ANGLES_DEG[1] else ""
+        )
         return f"{allow}make the turn there gentler"
     if one.group == "workspace":
         return "allow a larger --workspace, or move the points in"
