@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.cli.main import main
+from ttwmr_mj.cli.commands.plan import PlanCommand
+from ttwmr_mj.cli.main import main, parse
 from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.planning.points import MOST_POINTS, read_points
 from ttwmr_mj.references.planned import Knots, Planned
@@ -216,7 +217,8 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
     [
         (["--out", "plan.txt"], "a file that ends in .csv"),
         (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
-        (["--fragment", "fitted.toml"], "no --scenario"),
+        (["--fragment", "fitted.toml"], "--fragment: there is no --scenario"),
+        (["--seed", "0"], "--seed: there is no --scenario"),
         (["--workspace", "1.0"], "width and height"),
         (["--workspace", "1e300", "1e300"], "--workspace: got 1e+300 1e+300; allowed: width"),
         (["--workspace", "0.1", "1"], "each 0.3 to 1000 m"),
@@ -242,6 +244,17 @@ def test_options_that_make_no_sense(
     assert problem in capsys.readouterr().err
     assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
     assert Path("way.csv").read_text() == way
+
+
+def test_what_changes_the_scenario_is_in_the_one_that_drives_the_plan(tmp_path: Path) -> None:
+    fragment = tmp_path / "fitted.toml"
+    fragment.write_text("[robot.tractor]\nmass_kg = 1.1\n")
+    words = ["--fragment", str(fragment), "--seed", "7", "--set", "robot.trailer.mass_kg=0.4"]
+    command = parse(["plan", "way.csv", "--scenario", "outer_circle", *words])
+    assert isinstance(command, PlanCommand)
+    data, robot, _ = command._robot()
+    assert (data["seed"], data["robot"]["tractor"]["mass_kg"]) == (7, 1.1)
+    assert (robot.tractor.mass_kg, robot.trailer.mass_kg) == (1.1, 0.4)
 
 
 def test_all_options_that_make_no_sense_are_told_at_once(

@@ -105,8 +105,13 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         faults = []
         if self.scenario is None:
             problem = "there is no --scenario whose values it could replace"
-            given = {"--set": self.overrides, "--fragment": self.fragment}
-            faults = [Fault(key=(name,), problem=problem) for name, value in given.items() if value]
+            given = {
+                "--set": self.overrides or None,
+                "--fragment": self.fragment,
+                "--seed": self.seed,
+            }
+            names = [name for name, value in given.items() if value is not None]
+            faults = [Fault(key=(name,), problem=problem) for name in names]
         key = ("--out",)
         if out.suffix != ".csv":
             return [*faults, Fault(key=key, got=repr(str(out)), allowed="a file that ends in .csv")]
@@ -140,13 +145,16 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         return self._data(), scenario.robot, limits_of(scenario.robot, friction, **wish)
 
     def _data(self) -> dict[str, Any]:
-        """The scenario's file with the user's overrides."""
+        """The scenario's file with the user's fragment, overrides and seed."""
+        from ttwmr_mj.robot import merged
         from ttwmr_mj.scenario.file import find_scenario, read_scenario, set_value
 
         data = read_scenario(find_scenario(str(self.scenario)))
+        if self.fragment is not None:
+            data = merged(data, read_scenario(self.fragment))
         for override in self.overrides:
             set_value(data, override)
-        return data
+        return data if self.seed is None else data | {"seed": self.seed}
 
     def _plan(
         self, points: Points, robot: RobotParameters, limits: Limits
