@@ -217,7 +217,7 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
     [
         (["--out", "plan.txt"], "a file that ends in .csv"),
         (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
-        (["--fragment", "fitted.toml"], "--fragment: there is no --scenario"),
+        (["--fragment", "mine.toml"], "--fragment: there is no --scenario"),
         (["--seed", "0"], "--seed: there is no --scenario"),
         (["--workspace", "1.0"], "width and height"),
         (["--workspace", "1e300", "1e300"], "--workspace: got 1e+300 1e+300; allowed: width"),
@@ -228,6 +228,7 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
         (["--out", "no/such/plan.csv"], "--out: there is no folder no/such; make it first"),
         (["--out", "way.csv", "--force"], "way.csv, which it is made from"),
         (["--out", "./mine.csv", "--force", "--scenario", "mine.toml"], "mine.toml, which it is"),
+        (["--out", "linked.csv", "--force"], "linked.csv, which it is made from"),
     ],
 )
 def test_options_that_make_no_sense(
@@ -240,9 +241,12 @@ def test_options_that_make_no_sense(
     monkeypatch.chdir(tmp_path)
     way = "-0.4,-0.1\n0,0.1\n0.4,-0.1\n"
     Path("way.csv").write_text(way)
+    Path("linked.csv").symlink_to("way.csv")
+    Path("mine.toml").write_text("seed = 1\n")
+    before = sorted(tmp_path.iterdir())
     assert main(["plan", str(tmp_path / "way.csv"), *words]) == 2
     assert problem in capsys.readouterr().err
-    assert [file.name for file in tmp_path.iterdir()] == ["way.csv"]
+    assert sorted(tmp_path.iterdir()) == before
     assert Path("way.csv").read_text() == way
 
 

@@ -53,7 +53,8 @@ class PlanCommand(Overrides, Quiet, name="plan"):
     def __call__(self) -> int:
         _need_casadi()
         out = self._out()
-        if faults := [*self._faults_of_numbers(), *self._faults_of_files(out)]:
+        numbers, changes = self._faults_of_numbers(), self._faults_of_changes()
+        if faults := [*numbers, *changes, *self._faults_of_files(out)]:
             raise InputError(*faults)
         points, (data, robot, limits) = self._points(), self._robot()
         request, found = self._plan(points, robot, limits)
@@ -100,35 +101,37 @@ class PlanCommand(Overrides, Quiet, name="plan"):
                 faults.append(Fault(key=(name,), got=got, allowed=allowed))
         return faults
 
+    def _faults_of_changes(self) -> list[Fault]:
+        """Options that change a scenario where there is none."""
+        if self.scenario is not None:
+            return []
+        problem = "there is no --scenario whose values it could replace"
+        given = {"--set": self.overrides or None, "--fragment": self.fragment, "--seed": self.seed}
+        names = [name for name, value in given.items() if value is not None]
+        return [Fault(key=(name,), problem=problem) for name in names]
+
     def _faults_of_files(self, out: Path) -> list[Fault]:
-        """Options that name what cannot be written, or change a scenario that is not there."""
-        faults = []
-        if self.scenario is None:
-            problem = "there is no --scenario whose values it could replace"
-            given = {
-                "--set": self.overrides or None,
-                "--fragment": self.fragment,
-                "--seed": self.seed,
-            }
-            names = [name for name, value in given.items() if value is not None]
-            faults = [Fault(key=(name,), problem=problem) for name in names]
+        """What stands in the way of writing the plan and what belongs to it."""
+        from ttwmr_mj.files import is_file
+
         key = ("--out",)
         if out.suffix != ".csv":
-            return [*faults, Fault(key=key, got=repr(str(out)), allowed="a file that ends in .csv")]
+            return [Fault(key=key, got=repr(str(out)), allowed="a file that ends in .csv")]
         if not out.parent.is_dir():
             problem, hint = f"there is no folder {out.parent}", "make it first"
-            return [*faults, Fault(key=key, problem=problem, hint=hint)]
+            return [Fault(key=key, problem=problem, hint=hint)]
         files = [out.with_suffix(suffix) for suffix in (".csv", ".toml", ".png")]
-        sources = [self.points, self.fragment, Path(self.scenario) if self.scenario else None]
-        lost = {file.resolve() for file in files} & {s.resolve() for s in sources if s is not None}
-        if lost:
-            problem = f"it would replace {', '.join(sorted(map(str, lost)))}, which it is made from"
-            return [*faults, Fault(key=key, problem=problem, hint="name another")]
-        there = [str(file) for file in files if file.exists()]
+        there = [file for file in files if file.exists()]
+        named = [self.points, self.fragment, Path(self.scenario or "")]
+        sources = [source for source in named if source is not None and is_file(source)]
+        if lost := [str(f) for f in there if any(f.samefile(source) for source in sources)]:
+            problem = f"it would replace {', '.join(lost)}, which it is made from"
+            return [Fault(key=key, problem=problem, hint="name another")]
         if there and not self.force:
-            problem, hint = f"there is {', '.join(there)} already", "name another, or add --force"
-            faults.append(Fault(key=key, problem=problem, hint=hint))
-        return faults
+            problem = f"there is {', '.join(map(str, there))} already"
+            hint = "name another, or add --force"
+            return [Fault(key=key, problem=problem, hint=hint)]
+        return []
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
         """Data of the scenario it is driven in, the robot and the limits."""
