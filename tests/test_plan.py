@@ -80,7 +80,7 @@ def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
     assert plan_through(Request(BEND, duration_s=advised), SPRUNG, limits).plan.time_s[-1] == (
         pytest.approx(advised)
     )
-    small = limits_of(SPRUNG, 0.9, workspace_m=(0.9, 1.0))
+    small = limits_of(SPRUNG, 0.9, workspace_m=(0.9, 0.25))
     with pytest.raises(RunError, match=r"workspace: .* a larger --workspace"):
         plan_through(Request(BEND), SPRUNG, small)
 
