@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.cli.main import main
+from ttwmr_mj.cli.commands.plan import PlanCommand
+from ttwmr_mj.cli.main import main, parse
 from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.planning.points import MOST_POINTS, read_points
 from ttwmr_mj.references.planned import Knots, Planned
@@ -79,7 +80,7 @@ def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
     assert plan_through(Request(BEND, duration_s=advised), SPRUNG, limits).plan.time_s[-1] == (
         pytest.approx(advised)
     )
-    small = limits_of(SPRUNG, 0.9, workspace_m=(0.7, 1.0))
+    small = limits_of(SPRUNG, 0.9, workspace_m=(0.9, 0.25))
     with pytest.raises(RunError, match=r"workspace: .* a larger --workspace"):
         plan_through(Request(BEND), SPRUNG, small)
 
@@ -92,6 +93,22 @@ def test_points_that_are_none() -> None:
         plan_through(Request(BEND[[0, 1, 1, 2]]), SPRUNG, limits)
 
 
+def test_points_that_are_too_far_or_too_many() -> None:
+    """Refused before anything is laid out: it would take all memory."""
+    far = Request(np.array([[0.0, 0.0], [1e6, 0.0], [2e6, 1e5]]))
+    told = r"points.2: got \(1e\+06, 0\) m, and 1 more .* 1.8 × 1.3 m .* --workspace"
+    with pytest.raises(InputError, match=told):
+        plan_through(far, SPRUNG, limits_of(SPRUNG, 0.9))
+    with pytest.raises(InputError, match=r"points: 3 of them .* at most 2,000; .* in parts"):
+        plan_through(far, SPRUNG, limits_of(SPRUNG, 0.9, workspace_m=(1e7, 1e7)))
+
+
+def test_a_search_that_takes_too_long_ends() -> None:
+    with pytest.raises(RunError, match=r"within 0.01 s of computing; try fewer points"):
+        plan_through(Request(BEND), SPRUNG, limits_of(SPRUNG, 0.9), most_s=0.01)
+
+
+@pytest.mark.filterwarnings("error")
 def test_a_table_with_names_or_without(tmp_path: Path) -> None:
     path = tmp_path / "way.csv"
     path.write_text("# a way\nname, y_m, x_m\na, 0.2, 0.1\nb, 0.4, 0.3\n")
@@ -103,19 +120,35 @@ def test_a_table_with_names_or_without(tmp_path: Path) -> None:
         ("a,b\n1,2\n", "there must be x_m and y_m"),
         ("1,2\n3\n", "a line is not two numbers"),
         ("", "no finite points"),
+        ("0,0\n1e308,1\n-1e308,1\n", "farther than 1,000 m"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=problem):
             read_points(path)
 
 
+@pytest.mark.filterwarnings("error")
+def test_files_without_an_end_or_with_endless_cells(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="larger than 16,000,000 bytes"):
+        read_points(Path("/dev/zero"))
+    path = tmp_path / "way.csv"
+    for cell in ("1" * 130_000 + "x", "1" * 200_000):
+        path.write_text(f"{cell},0\n")
+        with pytest.raises(InputError, match="no points can be read"):
+            read_points(path)
+
+
+@pytest.mark.filterwarnings("error")
 def test_a_drawing(tmp_path: Path) -> None:
     path = tmp_path / "way.svg"
+    unmoved = 'transform="translate(0) matrix(1,0,0,1,0,0)" style="text-transform:none"'
     lines = {
         '<polyline points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
         '<polygon points="0,0 100,0 100,50"/>': ([[-50, 25], [50, 25], [50, -25]], True),
         '<path d="M 0 0 h 100 V 50 z"/>': ([[-50, 25], [50, 25], [50, -25]], True),
         '<path d="m 0,0 100,0 0,50"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+        '<path d="M 0 0 H 1e2 v 5e+1"/>': ([[-50, 25], [50, 25], [50, -25]], False),
+        f'<g {unmoved}><path d="M 0 0 H 100 V 50"/></g>': ([[-50, 25], [50, 25], [50, -25]], False),
     }
     for line, (corners, closed) in lines.items():
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg"><g>{line}</g></svg>')
@@ -124,7 +157,21 @@ def test_a_drawing(tmp_path: Path) -> None:
         assert got.closed is closed
     for line, problem in (
         ('<path d="M 0 0 C 1 1 2 2 3 3"/>', "has curves"),
-        ('<polyline transform="scale(2)" points="0,0 1,1"/>', "flatten it"),
+        ('<polyline transform="scale(2)" points="0,0 1,1"/>', "polyline has .* flatten it"),
+        (
+            '<g transform="scale(2)"><g><path d="M 0 0 H 1"/></g></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        (
+            '<g style="transform: scale(2)"><path d="M 0 0 H 1"/></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        (
+            '<g transform="nonsense"><path d="M 0 0 H 1"/></g>',
+            "path is in a g that has .* flatten it",
+        ),
+        ('<path d="M"/>', "no two corners"),
+        ('<polyline points="0,0 1e308,0 -1e308,1e999"/>', "farther than 1,000 m"),
         ("<rect/>", "no polyline"),
     ):
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{line}</svg>')
@@ -170,15 +217,58 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
     [
         (["--out", "plan.txt"], "a file that ends in .csv"),
         (["--set", "robot.tractor.mass_kg=1"], "no --scenario"),
+        (["--fragment", "mine.toml"], "--fragment: there is no --scenario"),
+        (["--seed", "0"], "--seed: there is no --scenario"),
         (["--workspace", "1.0"], "width and height"),
+        (["--workspace", "1e300", "1e300"], "--workspace: got 1e+300 1e+300; allowed: width"),
+        (["--workspace", "0.1", "1"], "each 0.3 to 1000 m"),
+        *((["--duration", t], "allowed: 0.1 to 3600 s") for t in ("nan", "-1", "0", "1e300")),
+        *((["--hitch-angle", a], "allowed: 0.1 to 180 degrees") for a in ("nan", "0", "1e9")),
+        *((["--scale", m], "allowed: 1e-06 to 1000 m") for m in ("nan", "-0.001", "1e300")),
+        (["--out", "no/such/plan.csv"], "--out: there is no folder no/such; make it first"),
+        (["--out", "way.csv", "--force"], "way.csv, which it is made from"),
+        (["--out", "./mine.csv", "--force", "--scenario", "mine.toml"], "mine.toml, which it is"),
+        (["--out", "linked.csv", "--force"], "linked.csv, which it is made from"),
     ],
 )
 def test_options_that_make_no_sense(
-    words: list[str], problem: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    words: list[str],
+    problem: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    (tmp_path / "way.csv").write_text("-0.4,-0.1\n0,0.1\n0.4,-0.1\n")
+    monkeypatch.chdir(tmp_path)
+    way = "-0.4,-0.1\n0,0.1\n0.4,-0.1\n"
+    Path("way.csv").write_text(way)
+    Path("linked.csv").symlink_to("way.csv")
+    Path("mine.toml").write_text("seed = 1\n")
+    before = sorted(tmp_path.iterdir())
     assert main(["plan", str(tmp_path / "way.csv"), *words]) == 2
     assert problem in capsys.readouterr().err
+    assert sorted(tmp_path.iterdir()) == before
+    assert Path("way.csv").read_text() == way
+
+
+def test_what_changes_the_scenario_is_in_the_one_that_drives_the_plan(tmp_path: Path) -> None:
+    fragment = tmp_path / "fitted.toml"
+    fragment.write_text("[robot.tractor]\nmass_kg = 1.1\n")
+    words = ["--fragment", str(fragment), "--seed", "7", "--set", "robot.trailer.mass_kg=0.4"]
+    command = parse(["plan", "way.csv", "--scenario", "outer_circle", *words])
+    assert isinstance(command, PlanCommand)
+    data, robot, _ = command._robot()
+    assert (data["seed"], data["robot"]["tractor"]["mass_kg"]) == (7, 1.1)
+    assert (robot.tractor.mass_kg, robot.trailer.mass_kg) == (1.1, 0.4)
+
+
+def test_all_options_that_make_no_sense_are_told_at_once(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    words = ["--duration", "-1", "--hitch-angle", "nan", "--scale", "0", "--workspace", "2"]
+    assert main(["plan", "way.csv", *words, "--set", "a=1", "--out", "plan.txt"]) == 2
+    told = capsys.readouterr().err
+    names = ("--duration", "--hitch-angle", "--scale", "--workspace", "--set", "--out")
+    assert all(f"{name}: " in told for name in names), told
 
 
 @pytest.mark.slow

@@ -44,7 +44,7 @@ def deliver(
     """Write OUT.csv, OUT.toml and OUT.png side by side.
 
     Args:
-        out: the .csv file.
+        out: the .csv file, in a folder that is there.
         request: what was asked for.
         found: the plan.
         robot: that it is for.
@@ -52,7 +52,6 @@ def deliver(
         base: a scenario's data whose robot, floor and so on it is driven with; may be empty.
         command: that made it.
     """
-    out.parent.mkdir(parents=True, exist_ok=True)
     done = Delivered(out, out.with_suffix(".toml"), out.with_suffix(".png"))
     end = float(found.plan.time_s[-1])
     with together((done.plan, done.scenario, done.picture)):

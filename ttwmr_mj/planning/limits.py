@@ -7,6 +7,9 @@ from ttwmr_mj.robot import RobotParameters
 SPEED, ACCELERATION, GRIP = 0.8, 0.3, 0.4  # shares
 PICTURE_M = (1.8, 1.3)  # what the shipped camera sees of the floor, less a margin
 HITCH_ANGLE_RAD = 2.0
+# what may be asked for, least and most
+DURATIONS_S, HITCH_ANGLES_DEG = (0.1, 3600.0), (0.1, 180.0)
+SIDES_M, SCALES_M = (0.3, 1000.0), (1e-6, 1e3)  # of the workspace; of a drawing's unit
 
 
 def limits_of(

@@ -9,12 +9,17 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import MOST_BYTES
 from ttwmr_mj.state import FloatArray
 
 MOST_POINTS = 60  # of a plan; a line that is drawn with more is thinned evenly
 LINES = ("polyline", "polygon", "path")
-NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
-COMMAND = re.compile(r"([A-Za-z])([^A-Za-z]*)")
+NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?")
+COMMAND = re.compile(r"([A-DF-Za-df-z])([^A-DF-Za-df-z]*)")  # an e belongs to a number
+TRANSFORM = re.compile(r"([A-Za-z]+)\s*\(([^()]*)\)")
+STYLED = re.compile(r"(?:^|;)\s*transform\s*:(?!\s*none)")
+IDENTITY = {"matrix": (1, 0, 0, 1, 0, 0), "translate": (0, 0), "scale": (1, 1), "rotate": (0,)}
+FARTHEST_M = 1e3  # from the origin
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,20 +42,32 @@ def read_points(path: Path, metres_per_unit: float = 1e-3) -> Points:
         InputError: it cannot be read, or holds no points; says why.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
+        text = _text(path)
         if path.suffix.lower() == ".svg":
             points, closed = _from_svg(text)
-            points = (points - 0.5 * (points.min(axis=0) + points.max(axis=0))) * metres_per_unit
-            points[:, 1] *= -1.0
+            with np.errstate(all="ignore"):  # what overflows is too far
+                points -= 0.5 * (points.min(axis=0) + points.max(axis=0))
+                points *= (metres_per_unit, -metres_per_unit)
         else:
             points, closed = _from_table(text), False
-    except (OSError, UnicodeDecodeError, ET.ParseError, ValueError) as error:
+        if not (np.abs(points) <= FARTHEST_M).all():
+            raise ValueError(f"a point is farther than {FARTHEST_M:,.0f} m from the origin")
+    except (OSError, ET.ParseError, csv.Error, ValueError) as error:
         raise InputError(
             Fault(problem=f"no points can be read: {error}"), file=str(path)
         ) from error
     if len(points) > 2 and np.hypot(*(points[-1] - points[0])) < 1e-6:
         points, closed = points[:-1], True
     return Points(_thinned(points, closed), closed, len(points))
+
+
+def _text(path: Path) -> str:
+    """What a file of bounded size holds; of a device no more than that is read."""
+    with path.open("rb") as file:
+        content = file.read(MOST_BYTES + 1)
+    if len(content) > MOST_BYTES:
+        raise ValueError(f"larger than {MOST_BYTES:,} bytes")
+    return content.decode("utf-8-sig")
 
 
 def _from_table(text: str) -> FloatArray:
@@ -76,12 +93,20 @@ def _from_table(text: str) -> FloatArray:
 
 def _from_svg(text: str) -> tuple[FloatArray, bool]:
     """(m, 2) corners of the first line in a drawing, in its units, and whether it is closed."""
-    for element in ET.fromstring(text).iter():
+    drawing = ET.fromstring(text)
+    around = {inner: one for one in drawing.iter() for inner in one}
+    for element in drawing.iter():
         kind = element.tag.rpartition("}")[2]
         if kind not in LINES:
             continue
-        if element.get("transform"):
-            raise ValueError(f"its {kind} has a transform; flatten it (Inkscape: ungroup, save)")
+        outer: ET.Element | None = element
+        while outer is not None:
+            if _is_transformed(outer):
+                name = outer.tag.rpartition("}")[2]
+                whose = kind if outer is element else f"{kind} is in a {name} that"
+                remedy = "flatten it (Inkscape: ungroup, save)"
+                raise ValueError(f"its {whose} has a transform; {remedy}")
+            outer = around.get(outer)
         if kind == "path":
             return _from_path(element.get("d", ""))
         numbers = np.array([float(x) for x in NUMBER.findall(element.get("points", ""))])
@@ -89,6 +114,18 @@ def _from_svg(text: str) -> tuple[FloatArray, bool]:
             raise ValueError(f"its {kind} is not pairs of numbers")
         return numbers.reshape(-1, 2), kind == "polygon"
     raise ValueError(f"it has no {', '.join(LINES[:-1])} or {LINES[-1]}")
+
+
+def _is_transformed(element: ET.Element) -> bool:
+    """Whether a drawing's element has a transform that changes anything."""
+    rest = TRANSFORM.sub(_unless_identity, element.get("transform", ""))
+    return bool(rest.strip(" ,\t\r\n")) or bool(STYLED.search(element.get("style", "")))
+
+
+def _unless_identity(transform: re.Match[str]) -> str:
+    numbers = tuple(float(x) for x in NUMBER.findall(transform[2]))
+    same = numbers and numbers == IDENTITY.get(transform[1], ())[: len(numbers)]
+    return "" if same else transform[0]
 
 
 def _from_path(d: str) -> tuple[FloatArray, bool]:
@@ -111,7 +148,7 @@ def _from_path(d: str) -> tuple[FloatArray, bool]:
         else:
             raise ValueError(f"its path has curves ({letter}); make it a line of straight pieces")
         points += steps
-        at = points[-1]
+        at = points[-1] if points else at
     if len(points) < 2:
         raise ValueError("its path has no two corners")
     return np.array(points), closed

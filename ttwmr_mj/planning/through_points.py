@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from ttwmr_mj.errors import Fault, InputError, RunError
 from ttwmr_mj.planning.elastic import Elastic, Exceeded
+from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG
 from ttwmr_mj.planning.transcription import (
     A1,
     A2,
@@ -49,7 +50,8 @@ JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
 PACE_M_S = 0.1
 MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
 ROOM = 1.03  # of advice, a little more than has to be
-MOST_ITERATIONS = 400
+MOST_ITERATIONS, MOST_S = 400, 120.0
+MOST_KNOTS = 2000  # of a way; its solver takes minutes
 # how a duration answers for a limit: speeds fall with it, accelerations with its square
 BY_TIME = {
     "wheel speed": 1.0,
@@ -86,12 +88,17 @@ class Request:
         """(legs,) straight distances."""
         return np.asarray(np.hypot(*np.diff(self.corners_m, axis=0).T))
 
-    def faults(self) -> list[Fault]:
-        """Too few points, or neighbours that coincide."""
+    def faults(self, robot: RobotParameters, limits: Limits) -> list[Fault]:
+        """Too few points, neighbours that coincide, points out of bounds, too long a way."""
         least = 3 if self.closed else 2
         if len(self.points_m) < least:
             told = f"at least {least} of them"
             return [Fault(key=("points",), got=str(len(self.points_m)), allowed=told)]
+        beyond = ~(np.abs(self.points_m) <= 0.5 * np.array(limits.workspace_m)).all(axis=1)
+        if beyond.any():
+            return [self._beyond(np.flatnonzero(beyond).tolist(), limits)]
+        if (count := sum(self.knots(robot))) > MOST_KNOTS:
+            return [self._too_long(count)]
         near = np.flatnonzero(self.legs_m < 1e-3)
         return [
             Fault(
@@ -101,6 +108,32 @@ class Request:
             )
             for i in near
         ]
+
+    def knots(self, robot: RobotParameters) -> tuple[int, ...]:
+        """Of each leg."""
+        spacing = robot.swing_length_m / KNOTS_PER_SWING
+        return tuple(max(LEAST_KNOTS, int(np.ceil(leg / spacing))) for leg in self.legs_m)
+
+    def _beyond(self, rows: list[int], limits: Limits) -> Fault:
+        """These points are outside of the workspace."""
+        x, y = self.points_m[rows[0]]
+        width, height = limits.workspace_m
+        others = f", and {len(rows) - 1} more that are outside" if len(rows) > 1 else ""
+        return Fault(
+            key=("points", rows[0] + 1),
+            got=f"({x:.4g}, {y:.4g}) m{others}",
+            allowed=f"within the workspace, {width:.4g} × {height:.4g} m about the origin",
+            hint="allow a larger --workspace, or move the points in (a drawing: --scale)",
+        )
+
+    def _too_long(self, count: int) -> Fault:
+        """The way has too many knots."""
+        return Fault(
+            key=("points",),
+            problem=f"{len(self.points_m)} of them along {self.legs_m.sum():.4g} m make {count:,} "
+            f"steps of the plan, which has at most {MOST_KNOTS:,}",
+            hint="take fewer points or a shorter way, or plan it in parts",
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,18 +150,27 @@ def plan_through(
     robot: RobotParameters,
     limits: Limits,
     progress: Callable[[int], None] | None = None,
+    most_s: float = MOST_S,
 ) -> Found:
-    """Plan; `progress` is called with the number of iterations made.
+    """Plan.
+
+    Args:
+        request: the way.
+        robot: that drives it.
+        limits: that the plan keeps.
+        progress: is called with the number of iterations made.
+        most_s: CPU time of the solver's iterations, after which it gives up.
 
     Raises:
         InputError: there is no way through these points.
         RunError: no plan was found; says which limit stands in the way, where, and what would do.
     """
-    if faults := request.faults():
+    if faults := request.faults(robot, limits):
         raise InputError(*faults)
     pace = CRUISE * limits.wheel_speed_rad_s * robot.tractor.wheel_radius_m
     duration = request.duration_s or float(request.legs_m.sum()) / pace
-    found, exceeded = _solve(request, robot, limits, _guess(request, robot, duration), progress)
+    guess = _guess(request, robot, duration)
+    found, exceeded = _solve(request, robot, limits, guess, progress, most_s)
     if exceeded:
         raise RunError(_refusal(exceeded, found, request))
     return found
@@ -155,10 +197,7 @@ class _Guess:
 
 def _guess(request: Request, robot: RobotParameters, duration_s: float) -> _Guess:
     """A spline through the points, with the trailer outside of every bend."""
-    legs = request.legs_m
-    spacing = robot.swing_length_m / KNOTS_PER_SWING
-    knots = tuple(max(LEAST_KNOTS, int(np.ceil(leg / spacing))) for leg in legs)
-    weight = legs.copy()
+    knots, weight = request.knots(robot), request.legs_m
     if not request.closed:
         weight[[0, -1]] *= ENDS
     times = duration_s * weight / weight.sum()
@@ -186,6 +225,7 @@ def _solve(
     limits: Limits,
     guess: _Guess,
     progress: Callable[[int], None] | None,
+    most_s: float,
 ) -> tuple[Found, list[Exceeded]]:
     """What is found, and which limits gave way."""
     problem, n = ca.Opti(), sum(guess.knots) + 1
@@ -222,16 +262,12 @@ def _solve(
     if progress is not None:
         problem.callback(progress)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
-    quiet["max_iter"] = MOST_ITERATIONS
+    quiet |= {"max_iter": MOST_ITERATIONS, "max_cpu_time": most_s}
     problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
     try:
         solution = problem.solve()
     except RuntimeError as error:
-        status = problem.stats()["return_status"]
-        raise RunError(
-            f"no plan was found ({status}); try points that are further apart, gentler turns or "
-            "more time (--duration)"
-        ) from error
+        raise RunError(_none_found(problem.stats()["return_status"], most_s)) from error
     value_of = solution.value
     took = np.atleast_1d(np.asarray(value_of(legs_s), dtype=np.float64))
     time_s = replace(guess, legs_s=took).time_s
@@ -292,6 +328,19 @@ def _limit(
         elastic.within("workspace", y, 0.5 * limits.workspace_m[1])
 
 
+def _none_found(status: str, most_s: float) -> str:
+    """What the solver says when it gives up, and what would help."""
+    if status == "Maximum_CpuTime_Exceeded":
+        return (
+            f"no plan was found within {most_s:.4g} s of computing; try fewer points, a shorter "
+            "way, gentler turns or a larger --hitch-angle"
+        )
+    return (
+        f"no plan was found ({status}); try points that are further apart, gentler turns or "
+        "more time (--duration)"
+    )
+
+
 def _refusal(exceeded: list[Exceeded], found: Found, request: Request) -> str:
     """Which limits stand in the way, where, and what would do."""
     lines = ["no plan keeps all limits:"]
@@ -312,10 +361,14 @@ def _refusal(exceeded: list[Exceeded], found: Found, request: Request) -> str:
 def _remedy(one: Exceeded, duration_s: float) -> str:
     if one.group in BY_TIME:
         longer = ROOM * duration_s * (1.0 + one.share) ** BY_TIME[one.group]
-        return f"give it more time, --duration {longer:.3g}, or a servo that does more"
+        time = f", --duration {longer:.3g}" if longer <= DURATIONS_S[1] else ""
+        return f"give it more time{time}, or a servo that does more"
     if one.group == "hitch angle":
-        angle = np.degrees((1.0 + one.share) * one.limit)
-        return f"allow --hitch-angle {np.ceil(angle):.0f} degrees, or make the turn there gentler"
+        angle = np.ceil(np.degrees((1.0 + one.share) * one.limit))
+        allow = (
+            f"allow --hitch-angle {angle:.0f} degrees, or " if angle <= HITCH_ANGLES_DEG[1] else ""
+        )
+        return f"{allow}make the turn there gentler"
     if one.group == "workspace":
         return "allow a larger --workspace, or move the points in"
     return "move the points there apart, so that the robot need not nearly stop"

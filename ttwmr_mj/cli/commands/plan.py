@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, warn
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import Fault, InputError, MachineError
 
 if TYPE_CHECKING:
     from ttwmr_mj.planning.points import Points
@@ -51,7 +51,12 @@ class PlanCommand(Overrides, Quiet, name="plan"):
     scale: float = option("size of an .svg's unit", 1e-3, metavar="METRES")
 
     def __call__(self) -> int:
-        points, (data, robot, limits), out = self._points(), self._robot(), self._out()
+        _need_casadi()
+        out = self._out()
+        numbers, changes = self._faults_of_numbers(), self._faults_of_changes()
+        if faults := [*numbers, *changes, *self._faults_of_files(out)]:
+            raise InputError(*faults)
+        points, (data, robot, limits) = self._points(), self._robot()
         request, found = self._plan(points, robot, limits)
         from ttwmr_mj.planning.deliver import deliver
 
@@ -72,46 +77,87 @@ class PlanCommand(Overrides, Quiet, name="plan"):
     def _out(self) -> Path:
         from ttwmr_mj.planning.deliver import scenario_name
 
-        out = self.out or Path(f"{scenario_name(self.points)}_plan.csv")
+        return self.out or Path(f"{scenario_name(self.points)}_plan.csv")
+
+    def _faults_of_numbers(self) -> list[Fault]:
+        """Options whose numbers make no sense."""
+        from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG, SCALES_M, SIDES_M
+
+        duration = [] if self.duration is None else [self.duration]
+        given = {
+            "--duration": (duration, DURATIONS_S, "s"),
+            "--hitch-angle": ([self.hitch_angle], HITCH_ANGLES_DEG, "degrees"),
+            "--scale": ([self.scale], SCALES_M, "m"),
+            "--workspace": (self.workspace, SIDES_M, "m"),
+        }
+        faults = []
+        for name, (values, (least, most), unit) in given.items():
+            two = name == "--workspace" and len(values) not in (0, 2)
+            if two or not all(least <= value <= most for value in values):
+                allowed = f"{least:g} to {most:g} {unit}"
+                if name == "--workspace":
+                    allowed = f"width and height, each {allowed}"
+                got = " ".join(f"{value:g}" for value in values)
+                faults.append(Fault(key=(name,), got=got, allowed=allowed))
+        return faults
+
+    def _faults_of_changes(self) -> list[Fault]:
+        """Options that change a scenario where there is none."""
+        if self.scenario is not None:
+            return []
+        problem = "there is no --scenario whose values it could replace"
+        given = {"--set": self.overrides or None, "--fragment": self.fragment, "--seed": self.seed}
+        names = [name for name, value in given.items() if value is not None]
+        return [Fault(key=(name,), problem=problem) for name in names]
+
+    def _faults_of_files(self, out: Path) -> list[Fault]:
+        """What stands in the way of writing the plan and what belongs to it."""
+        from ttwmr_mj.files import is_file
+
+        key = ("--out",)
         if out.suffix != ".csv":
-            raise InputError.at("--out", got=repr(str(out)), allowed="a file that ends in .csv")
-        there = [str(f) for e in (".csv", ".toml", ".png") if (f := out.with_suffix(e)).exists()]
+            return [Fault(key=key, got=repr(str(out)), allowed="a file that ends in .csv")]
+        if not out.parent.is_dir():
+            problem, hint = f"there is no folder {out.parent}", "make it first"
+            return [Fault(key=key, problem=problem, hint=hint)]
+        files = [out.with_suffix(suffix) for suffix in (".csv", ".toml", ".png")]
+        there = [file for file in files if file.exists()]
+        named = [self.points, self.fragment, Path(self.scenario or "")]
+        sources = [source for source in named if source is not None and is_file(source)]
+        if lost := [str(f) for f in there if any(f.samefile(source) for source in sources)]:
+            problem = f"it would replace {', '.join(lost)}, which it is made from"
+            return [Fault(key=key, problem=problem, hint="name another")]
         if there and not self.force:
-            problem = f"there is {', '.join(there)} already"
-            raise InputError.at("--out", problem, hint="name another, or add --force")
-        return out
+            problem = f"there is {', '.join(map(str, there))} already"
+            hint = "name another, or add --force"
+            return [Fault(key=key, problem=problem, hint=hint)]
+        return []
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
         """Data of the scenario it is driven in, the robot and the limits."""
-        try:
-            from ttwmr_mj.planning.limits import limits_of
-        except ModuleNotFoundError as error:
-            hint = "pip install 'ttwmr-mj[planning]'"
-            raise MachineError(f"planning needs CasADi, which is not installed; {hint}") from error
+        from ttwmr_mj.planning.limits import limits_of
         from ttwmr_mj.robot import RobotParameters
 
-        if len(self.workspace) not in (0, 2) or any(not side > 0.0 for side in self.workspace):
-            got = " ".join(map(str, self.workspace))
-            raise InputError.at("--workspace", got=got, allowed="width and height, two lengths > 0")
         wish: dict[str, Any] = {"hitch_angle_rad": math.radians(self.hitch_angle)}
         if self.workspace:
             wish["workspace_m"] = self.workspace
         if self.scenario is None:
-            if self.overrides:
-                raise InputError.at("--set", "there is no --scenario whose values it could replace")
             return {}, RobotParameters(), limits_of(RobotParameters(), 0.9, **wish)
         scenario = self.load(self.scenario)
         friction = scenario.plant.contact.floor_friction
         return self._data(), scenario.robot, limits_of(scenario.robot, friction, **wish)
 
     def _data(self) -> dict[str, Any]:
-        """The scenario's file with the user's overrides."""
+        """The scenario's file with the user's fragment, overrides and seed."""
+        from ttwmr_mj.robot import merged
         from ttwmr_mj.scenario.file import find_scenario, read_scenario, set_value
 
         data = read_scenario(find_scenario(str(self.scenario)))
+        if self.fragment is not None:
+            data = merged(data, read_scenario(self.fragment))
         for override in self.overrides:
             set_value(data, override)
-        return data
+        return data if self.seed is None else data | {"seed": self.seed}
 
     def _plan(
         self, points: Points, robot: RobotParameters, limits: Limits
@@ -122,6 +168,15 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         request = Request(points.points_m, self.closed or points.closed, self.duration)
         with progress_bar("planning", ITERATIONS, "iterations", self.quiet) as progress:
             return request, plan_through(request, robot, limits, progress)
+
+
+def _need_casadi() -> None:
+    """Raises MachineError where it is not installed."""
+    try:
+        import casadi  # noqa: F401
+    except ModuleNotFoundError as error:
+        hint = "pip install 'ttwmr-mj[planning]'"
+        raise MachineError(f"planning needs CasADi, which is not installed; {hint}") from error
 
 
 def _tell(request: Request, found: Found, limits: Limits) -> None:
