@@ -11,6 +11,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import scipy.stats
 from drawn import drawn
@@ -299,3 +301,22 @@ def test_a_logarithmic_axis_has_plain_numbers_that_do_not_overlap() -> None:
     assert {"2", "5", "10", "20"} <= {text.get_text() for text in shown}
     boxes = sorted((text.get_window_extent() for text in shown), key=lambda box: box.x0)
     assert all(a.x1 < b.x0 for a, b in pairwise(boxes))
+
+
+def test_a_run_that_all_seeds_repeat_is_counted_once(tmp_path: Path) -> None:
+    drawn_sweep(tmp_path, {FRICTION: FRICTIONS}, seeds=3)
+    file = tmp_path / "results.parquet"
+    columns = pq.read_table(file).to_pydict()
+    assert len(Sweep.read(tmp_path).without_repeats()) == 9  # seeds differ
+    fixed = ("row", "seed", "draw")
+    first = {n: [v[i - i % 3] for i in range(9)] for n, v in columns.items() if n not in fixed}
+    pq.write_table(pa.table(columns | first), file)
+    assert len(Sweep.read(tmp_path).without_repeats()) == 3
+    write_report(tmp_path)
+    page = (tmp_path / "report.html").read_text()
+    assert "and 6 repeats are left out" in page
+    assert "× 1 variant × 1 seed" in page
+    assert "somewhat too narrow" not in page
+    first["tractor_rmse_m"][8] += 1e-9
+    pq.write_table(pa.table(columns | first), file)
+    assert len(Sweep.read(tmp_path).without_repeats()) == 9

@@ -51,6 +51,22 @@ class Sweep:
         """These rows (n,) alone."""
         return replace(self, table={name: values[rows] for name, values in self.table.items()})
 
+    def without_repeats(self) -> Sweep:
+        """The runs of the first seed alone, where no seed changes anything; else all of them.
+
+        Intervals count runs; the same run counted twice would make them too narrow.
+        """
+        first, *others = (self.where(self.table["seed"] == seed) for seed in self.plan["seeds"])
+        numbers = first._outcomes()
+        repeats = (np.array_equal(numbers, seed._outcomes(), equal_nan=True) for seed in others)
+        return first if others and all(repeats) else self
+
+    def _outcomes(self) -> FloatArray:
+        """(metrics, n) of the runs in the order of draws and variants."""
+        order = np.lexsort((self.table["variant"].astype(str), self.table["draw"]))
+        named = [name for name in ("end_time_s", *METRICS) if name in self.table]
+        return np.array([self.table[name].astype(float)[order] for name in named])
+
     @cached_property
     def failed(self) -> BoolArray:
         """(n,) whether the verdict is a failure; a run that broke off has one that is."""

@@ -41,13 +41,16 @@ def write_report(folder: Path) -> None:
         folder: holds plan.json and results.parquet; the same two give the same bytes. Recordings in
             it are linked.
     """
-    sweep = Sweep.read(folder)
+    every = Sweep.read(folder)
+    sweep = every.without_repeats()
     findings = find(sweep)
     drawings = write_sweep_figures(sweep, findings, folder / "figures")
     _write_failed(sweep, folder / "failed.csv")
     recorded = sorted((folder / "recorded").glob("row-*/run.rrd"))
     recordings = [(path.parent.name, path.relative_to(folder).as_posix()) for path in recorded]
-    write_text(folder / "report.html", _page(sweep, findings, drawings, recordings))
+    repeats = len(every) - len(sweep)
+    page = _page(sweep, findings, drawings, recordings, repeats)
+    write_text(folder / "report.html", page)
 
 
 def _write_failed(sweep: Sweep, path: Path) -> None:
@@ -78,7 +81,11 @@ def _plain(value: Any) -> Any:
 
 
 def _page(
-    sweep: Sweep, findings: Findings, drawings: dict[str, Path], recordings: list[tuple[str, str]]
+    sweep: Sweep,
+    findings: Findings,
+    drawings: dict[str, Path],
+    recordings: list[tuple[str, str]],
+    repeats: int,
 ) -> str:
     shown, plan = Shown.of(sweep.headline), sweep.plan
     failed = sweep.where(sweep.failed)
@@ -94,7 +101,8 @@ def _page(
         runs=len(sweep),
         broke_off=int((~sweep.finished).sum()),
         draws=draws,
-        several_seeds=len(plan["seeds"]) > 1 and draws > 1,
+        several_seeds=len(plan["seeds"]) > 1 and draws > 1 and not repeats,
+        repeats=repeats,
         whole=findings.whole,
         failure_rate=said_percent(findings.whole.failures).split(" % "),
         median=shown.cell(findings.whole.median),
