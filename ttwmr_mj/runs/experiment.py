@@ -132,6 +132,7 @@ class Experiment:
         Raises:
             InputError: the controller cannot start.
         """
+        demands = self._simulations.demands[0]  # first: of an hour they take 80 MB for a moment
         loop = self._simulations.run(report, initial, pushes, pace, frames_every=frames_every)
         return Result(
             scenario=self.scenario,
@@ -139,5 +140,5 @@ class Experiment:
             outcomes=tuple(loop.ends[i] for i in range(self.nsim)),
             wall_time_s=dict(loop.watch.parts),
             control_time_s=np.array(loop.control_time_s),
-            demands=self._simulations.demands[0],
+            demands=demands,
         )
