@@ -118,7 +118,7 @@ def _title(axes: Axes, parts: Sequence[tuple[str, Colour | None]]) -> None:
 
 
 def _errors(axes: Axes, footage: Footage) -> None:
-    from matplotlib.ticker import FuncFormatter
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
     curves, time_s = footage.curves, footage.rows.time_s
     shown: dict[str, tuple[FloatArray, Colour]] = {
@@ -136,7 +136,12 @@ def _errors(axes: Axes, footage: Footage) -> None:
         axes.plot(time_s, speed, color=_hex(style.TRACTOR), lw=1.8)
     else:
         axes.set_yscale("log")
+        # within a decade Matplotlib would label its minor ticks, in a dark colour
+        low, high = axes.get_ylim()
+        steps = (1.0, 2.0, 3.0, 5.0) if high < 1e2 * low else (1.0,)
+        axes.yaxis.set_major_locator(LogLocator(subs=steps, numticks=12))
         axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        axes.yaxis.set_minor_formatter(NullFormatter())
     _title(axes, parts)
 
 
