@@ -25,7 +25,7 @@ from ttwmr_mj.cli.commands.track import TrackCommand
 from ttwmr_mj.cli.commands.validate import Validate
 from ttwmr_mj.cli.commands.video import VideoCommand
 from ttwmr_mj.cli.commands.view import View
-from ttwmr_mj.cli.engine import load_subcommands
+from ttwmr_mj.cli.engine import load_subcommands, make_dataclass
 from ttwmr_mj.cli.main import main, parse
 
 NAMES = (
@@ -47,6 +47,8 @@ NAMES = (
     "video",
     "view",
 )
+for kind in load_subcommands("ttwmr_mj.cli.commands").values():
+    make_dataclass(kind)  # a command line makes one only of the subcommand that it names
 SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
 OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}

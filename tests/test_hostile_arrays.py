@@ -144,7 +144,7 @@ def test_an_array_that_a_law_uses_again_is_no_array_of_the_loop() -> None:
         ),
         ("return Command(one, no, no, None)", "raised TypeError"),
         ("return Command(one, no, no, {'a_m': np.array([np.inf])})", ""),  # it may be undefined
-        ("return type('C', (), {})()", "has no attribute 'signals'"),
+        ("return type('C', (), {})()", "the answer is of the type C; allowed: a ttwmr_mj.Command"),
         ("raise ValueError('x' * 10**6)", "xxx..."),
         ("raise type('E', (Exception,), {'__str__': lambda e: exit(0)})", "(whose text raised Sys"),
     ],

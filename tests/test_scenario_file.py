@@ -109,7 +109,7 @@ kind = "lyapunow"
         ("initial.x=1.0", "initial.x: unknown key (did you mean 'x_m'?)"),
         ("plant.kind=simulink", "plant.kind: got 'simulink'; allowed: 'contact' or 'analytic'"),
         ("seed=-1", "seed: got -1"),
-        ("seed=1.5", "seed: got 1.5; allowed: a valid integer"),
+        ("seed=1.5", "seed: got 1.5; allowed: a whole number"),
         ("robot=3", "robot: got 3"),
         ("reference.kind=none", "reference.kind: got 'none'; controller.kind = 'ly"),
         ("reference.centre_m=[0.0]", "reference.centre_m.1: missing"),

@@ -68,7 +68,7 @@ class Subcommand(ABC):
         """Do it and return the exit code."""
 
 
-def _make_dataclass(kind: type[Subcommand]) -> None:
+def make_dataclass(kind: type[Subcommand]) -> None:
     """Make frozen dataclasses of a subcommand and its bases, as far as they are none yet."""
     for base in reversed(kind.__mro__):
         if not issubclass(base, Subcommand) or "__dataclass_fields__" in vars(base):
@@ -116,7 +116,7 @@ def add_subcommand(
     )
     if not options:
         return
-    _make_dataclass(kind)
+    make_dataclass(kind)
     parser.set_defaults(kind=kind)
     hints = get_type_hints(kind)
     by_name = {entry.name: entry for entry in fields(kind)}

@@ -17,11 +17,12 @@ from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.engine import batch, mujoco
-from ttwmr_mj.plants.footing import Footing, Stance
+from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model
 from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
 from ttwmr_mj.plants.relief import Relief, take_off
+from ttwmr_mj.plants.stance import Stance
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
