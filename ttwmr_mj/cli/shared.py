@@ -44,7 +44,7 @@ class NewFolder(Quiet):
             RunError: a signal or the system broke it off.
         """
         from ttwmr_mj.runs.folder import results_folder
-        from ttwmr_mj.runs.new_folder import is_recorded, kept, new_folder
+        from ttwmr_mj.runs.new_folder import kept, new_folder
 
         folder = self.out or results_folder(name, suffix)
         with new_folder(folder, self.force):
@@ -53,7 +53,7 @@ class NewFolder(Quiet):
             except KeyboardInterrupt:
                 raise RunError(f"stopped; {kept(folder)}") from None
             except MachineError as error:  # which may have worked for a while
-                if is_recorded(folder):
+                if any(folder.glob("trajectory.*")):
                     raise RunError(f"{error}; {kept(folder)}") from error
                 raise
             except BrokenPipeError:  # of who reads the output: no fault of the folder

@@ -74,7 +74,7 @@ def kept(folder: Path) -> str:
         return f"{folder} is gone, with all that was in it"
     if _is_complete(folder):
         return f"the run is complete in {folder}, but for its figures"
-    if not is_recorded(folder):
+    if not _is_recorded(folder):
         return "nothing was recorded"
     scored = " and can be scored: ttwmr score {0}" if any(folder.glob("trajectory.*")) else ""
     return f"what was recorded is in {folder}{scored}".format(folder)
@@ -87,8 +87,7 @@ def _is_complete(folder: Path) -> bool:
         return False
 
 
-def is_recorded(folder: Path) -> bool:
-    """Whether a run left something in a folder that is worth keeping."""
+def _is_recorded(folder: Path) -> bool:
     return any(path for name in RECORDED for path in folder.glob(name))
 
 
@@ -116,7 +115,7 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
         yield
     except BaseException as error:
         over = (folder / "metrics.json").is_file()  # what is wrong now is not the run
-        if not over and (is_of_input(error) or not is_recorded(folder)):
+        if not over and (is_of_input(error) or not _is_recorded(folder)):
             _delete(folder)
             _move(aside, folder)
         raise
