@@ -112,7 +112,8 @@ def _result(load: float, lost_above: float, breaks: bool) -> dict[str, Any]:
     lost = load > lost_above
     broke = lost and breaks
     verdict = "diverged" if broke else "lost" if lost else "followed"
-    reason = "" if not lost else f"P {1e3 * load:.3g} mm off at the end (limit 10 mm)"
+    off = f"P {1e3 * load:.3g} mm off in the last fifth of the run (limit 10 mm)"
+    reason = off if lost else ""
     numbers: dict[str, float | None] = {}
     for i, name in enumerate(METRICS):
         value = 1e-3 * (1.0 + 0.1 * i) * np.exp(3.0 * load)

@@ -151,7 +151,7 @@ def test_validate_is_silent_on_all_shipped_scenarios(tmp_path: Path) -> None:
     # what a shipped scenario says of itself
     told = {line.split(": ")[2] for line in done.stderr.splitlines()}
     lost = {n for n in shipped_scenarios() if "lost" in load_scenario(n).accept.verdict}
-    followed = {"double_eight"}  # whose knots are too coarse for all of its turns (trains.md)
+    followed = {"double_eight"}  # knots too coarse for its turns (docs/results/trains.md)
     assert told == {"figure_eight", "spline"} | followed
     assert told - followed <= lost
 

@@ -18,7 +18,7 @@ VERDICTS = {  # how each run of a page ends
     "your_path": ["followed"],
     "your_law": ["followed"] * 4,
     "your_robot": ["followed", "followed"],
-    "with_the_camera": ["followed", "tractor follows, trailer lost"],
+    "with_the_camera": ["followed"] + ["tractor follows, trailer lost"] * 2,
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -73,6 +74,31 @@ def test_tracking_stops_after_as_many_frames_as_asked(
 
 
 @pytest.mark.slow
+def test_the_frames_that_a_run_keeps_are_tracked_at_their_times(tmp_path: Path) -> None:
+    changes = ["--set", "duration_s=1.0", "--set", "output.figures=false"]
+    ttwmr("run", "double_inverted_camera", *changes, "--save-frames", "--out", "run", cwd=tmp_path)
+    higher = ttwmr("calibrate", "double_inverted_camera", "--out", "mine.yaml", cwd=tmp_path)
+    assert higher.returncode == 0, higher.stderr
+    arguments = ["--calibration", "mine.yaml", "--scenario", "double_inverted_camera"]
+    done = ttwmr("track", "run/frames", *arguments, "--out", "timed", cwd=tmp_path)
+    assert "30 frames, robot tracked in 30" in done.stdout, done.stderr
+    assert "look at it: ttwmr view timed" in done.stdout
+    poses = pq.read_table(tmp_path / "timed" / "poses.parquet")
+    truth = pq.read_table(tmp_path / "run" / "trajectory.parquet")
+    assert [name for name in poses.column_names if name.endswith("_std_rad")] == [
+        f"theta{i}_std_rad" for i in (1, 2, 3)
+    ]
+    # single frames of two trailers are good to 0.1 mm and 0.05°; times off by the exposure's
+    # middle, 4 ms, would be 2.4 mm and 0.2° off
+    for name, good in (("x_m", 5e-4), ("y_m", 5e-4), ("theta3_rad", 2e-3)):
+        true = np.interp(poses["time_s"], truth["time_s"], truth[name])
+        assert np.abs(poses[name].to_numpy() - true)[1:].max() < good
+    ttwmr("track", "run/frames/images", *arguments, "--out", "by_name", cwd=tmp_path)
+    times = pq.read_table(tmp_path / "by_name" / "poses.parquet")["time_s"].to_numpy()
+    np.testing.assert_allclose(times, np.arange(30) / 30.0, atol=1e-12)
+
+
+@pytest.mark.slow
 def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
     done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -96,6 +122,11 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     [
         ("", ["track", "no.avi", "--calibration", "CAL"], "no.avi: no such video file"),
         ("torn.avi", ["track", "torn.avi", "--calibration", "CAL"], "torn.avi: "),
+        ("", ["track", ".", "--calibration", "CAL"], "no frame could be read"),
+        ("away.json", ["track", "frames", "--calibration", "CAL"], "annotations.json: is not what"),
+        ("late.json", ["track", "frames", "--calibration", "CAL"], "annotations.json: is not what"),
+        ("gone.json", ["track", "frames", "--calibration", "CAL"], "1.png: cannot be read as an"),
+        ("small.png", ["track", "frames", "--calibration", "CAL"], "1.png: got 320×240 px"),
         ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "got 320×240 px"),
         ("bad.yaml", ["track", "small.avi", "--calibration", "bad.yaml"], "bad.yaml: "),
         ("", ["track", "small.avi", "--calibration", "no.yaml"], "no such calibration file"),
@@ -119,7 +150,21 @@ def test_bad_input_is_exit_code_2_with_what_to_do(
     assert expected in capsys.readouterr().err
 
 
+LISTED = {
+    "away.json": {"file_name": "../1.png", "time_s": 0.0},
+    "late.json": {"file_name": "1.png", "time_s": 1e7},
+    "gone.json": {"file_name": "1.png", "time_s": 0.0},
+}
+
+
 def _make(name: str, folder: Path) -> None:
+    if name in LISTED:
+        (folder / "frames").mkdir()
+        listed = json.dumps({"images": [LISTED[name]]})
+        (folder / "frames" / "annotations.json").write_text(listed)
+    if name == "small.png":
+        (folder / "frames").mkdir()
+        cv2.imwrite(str(folder / "frames" / "1.png"), np.zeros((240, 320, 3), np.uint8))
     if name == "torn.avi":
         (folder / name).write_bytes(b"RIFF" + bytes(5000))
     if name == "small.avi":

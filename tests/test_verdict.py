@@ -76,7 +76,7 @@ def test_the_trailers_com_has_its_own_limit() -> None:
         found = verdict(rows, end_theta2_rad=1.0)
         assert found.name == name
     assert found.number == pytest.approx(1.001 * LIMITS.end_trailer_m)
-    assert "the trailer's COM 50.1 mm off at the end (limit 50 mm)" in str(found)
+    assert "the trailer's COM 50.1 mm off in the last fifth of the run (limit 50 mm)" in str(found)
 
 
 @pytest.mark.parametrize(
@@ -132,11 +132,22 @@ def test_the_tractor_comes_first_and_the_end_before_a_while() -> None:
     rows.q[30, 0, 0] = 3.0  # 8.6 times what is allowed
     rows.q[-1, 0, 0] = 0.06  # 1.2 times
     rows.q[-1, 0, 3] = 1.35  # 6.75 times
-    assert str(verdict(rows)) == "lost: P 60 mm off at the end (limit 50 mm)"
+    assert str(verdict(rows)) == "lost: P 60 mm off in the last fifth of the run (limit 50 mm)"
     rows.q[:, 0, 0] = 0.0
     assert str(verdict(rows)) == (
-        "tractor follows, trailer lost: θ2 1.35 rad off at the end (limit 0.2 rad)"
+        "tractor follows, trailer lost: θ2 1.35 rad off in the last fifth of the run "
+        "(limit 0.2 rad)"
     )
+
+
+def test_a_run_that_was_too_short_is_said_to_have_been_falling() -> None:
+    rows = still()
+    rows.q[80:, 0, 0] = np.linspace(0.1, 0.06, len(rows) - 80)
+    assert str(verdict(rows)) == (
+        "lost: P 100 mm off and still falling in the last fifth of the run (limit 50 mm)"
+    )
+    rows.q[80:, 0, 0] = np.linspace(0.1, 0.08, len(rows) - 80)  # a fifth is no trend
+    assert "falling" not in str(verdict(rows))
 
 
 def test_of_what_was_followed_the_nearest_to_its_limit_is_told() -> None:
@@ -144,18 +155,20 @@ def test_of_what_was_followed_the_nearest_to_its_limit_is_told() -> None:
     rows.q[90, 0, 0], rows.q[95, 0, 3] = 0.004, -0.1
     found = verdict(rows)
     assert (found.number, found.limit) == (pytest.approx(0.1), 0.2)
-    assert str(found) == "followed: at most θ2 0.1 rad off at the end (limit 0.2 rad)"
+    assert str(found) == (
+        "followed: at most θ2 0.1 rad off in the last fifth of the run (limit 0.2 rad)"
+    )
 
 
 def test_without_theta2_in_the_reference_p_alone_is_judged_and_that_is_said() -> None:
     rows = still(theta2=None)
     rows.q[..., 3] = 3.0
     assert str(verdict(rows)) == (
-        "followed: at most P 0 mm off at the end (limit 50 mm); "
+        "followed: at most P 0 mm off in the last fifth of the run (limit 50 mm); "
         "the reference says nothing of the trailer"
     )
     rows.q[-1, 0, :2] = 3.0, 4.0
-    assert str(verdict(rows)) == "lost: P 5 m off at the end (limit 50 mm)"
+    assert str(verdict(rows)) == "lost: P 5 m off in the last fifth of the run (limit 50 mm)"
 
 
 def test_theta2_is_judged_where_it_is_defined() -> None:
@@ -250,7 +263,7 @@ def test_a_reference_that_asks_too_much_is_named_if_it_was_not_followed() -> Non
     found = verdict(rows, hard)
     assert str(found) == (
         "reference not feasible: the reference turns a wheel at 40.5 rad/s (limit 40 rad/s); "
-        "P 70 mm off at the end (limit 50 mm)"
+        "P 70 mm off in the last fifth of the run (limit 50 mm)"
     )
     assert (found.number, found.limit) == (pytest.approx(40.53, abs=0.01), 40.0)
     assert verdict(rows, easy).name == "lost"

@@ -22,7 +22,7 @@ VerdictName = Literal[
     "killed",
 ]
 SLIPPING_M_S = 0.03  # of a wheel over the ground; creep of tyres that roll is a tenth of that
-END_SHARE = 0.2  # of the time is "the end": a lap of the shipped 30 s circles
+END_SHARE = 0.2  # of the time is "the last fifth of the run": a lap of the shipped 30 s circles
 GROWTH = 1.5  # times its start an error may first reach: the trailer swings as the tractor turns
 
 
@@ -36,8 +36,8 @@ class AcceptOptions(Config):
     end_tractor_m: float = Field(
         default=0.05,
         gt=0,
-        description="largest distance of P from its reference at the end; typically 0.05, "
-        "less than half the track width",
+        description="largest distance of P from its reference in the last fifth of the run; "
+        "typically 0.05, less than half the track width",
     )
     end_trailer_m: float = Field(
         default=0.05,
@@ -47,8 +47,8 @@ class AcceptOptions(Config):
     end_theta2_rad: float = Field(
         default=0.2,
         gt=0,
-        description="largest error of θ2 at the end; typically 0.2: with P in place it moves "
-        "the trailer's COM by 28 mm",
+        description="largest error of θ2 in the last fifth of the run; typically 0.2: with P in "
+        "place it moves the trailer's COM by 28 mm",
     )
     transient_tractor_m: float = Field(
         default=0.35,

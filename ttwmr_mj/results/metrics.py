@@ -107,7 +107,7 @@ INTEGRALS = {"m": "m·s", "m·s": "m·s²", "rad²/s²": "rad²/s"}
 SUMS = {
     _rms: Sum("rms", "√(mean {}²)", "same"),
     _max: Sum("largest", "max {}", "same"),
-    _final: Sum("final", "{} at the end", "same"),
+    _final: Sum("final", "{} at the last sample", "same"),
     _share: Sum("share of samples", "mean({})", "1"),
     _integral: Sum("integral over time of the", "∫ {} dt", "integral"),
     _settling_time: Sum(

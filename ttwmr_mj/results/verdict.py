@@ -3,7 +3,7 @@
 Judged are P, the trailer's COM and θ2, wherever the reference defines them; a reference without θ2
 says nothing of the trailer, and P alone is judged. Each has two limits, those of `AcceptOptions`:
 
-- At the end, the last END_SHARE of the time, it stays within the `end_*` limit.
+- In the last fifth of the time, END_SHARE, it stays within the `end_*` limit.
 - Before, it stays within the `transient_*` limit. An offset of the start is given time to be worked
   off: what is allowed falls evenly from GROWTH times the error at the start to that limit, which it
   reaches after `settling_share` of the time.
@@ -55,6 +55,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
 }
 SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
+FALLEN = 0.7  # of an error over the last fifth of a run: it was still being worked off
 NOTABLE = 0.02  # share of the samples from which wheels that slip or lift are told of
 FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
 MISSING_TRAILER = "the reference says nothing of the trailer"
@@ -86,12 +87,13 @@ class Verdict:
 
 
 class Error(NamedTuple):
-    """The error of one measure, at the end or before, where it is largest for what is allowed."""
+    """The error of one measure, in the last fifth or before, where most of what is allowed."""
 
     measure: str
     number: float
     limit: float
-    time_s: float | None  # None: at the end
+    time_s: float | None  # None: in the last fifth of the run
+    falling: bool = False  # whether a longer run might have kept the limit
 
     @property
     def share(self) -> float:
@@ -99,10 +101,11 @@ class Error(NamedTuple):
         return self.number / self.limit
 
     def __str__(self) -> str:
-        when = "at the end" if self.time_s is None else f"at {self.time_s:.3g} s"
+        when = "in the last fifth of the run" if self.time_s is None else f"at {self.time_s:.3g} s"
         unit = self.measure.rpartition("_")[2]
         number, limit = (_amount(value, unit) for value in (self.number, self.limit))
-        return f"{MEASURES[self.measure]} {number} off {when} (limit {limit})"
+        more = " and still falling" if self.falling else ""
+        return f"{MEASURES[self.measure]} {number} off{more} {when} (limit {limit})"
 
 
 def judge(
@@ -199,7 +202,7 @@ def _not_free(demands: Feasibility | None) -> str:
 
 
 def _gravest(broken: list[Error]) -> Error:
-    """What is wrong at the end before what was wrong for a while; then the largest share."""
+    """What is wrong in the last fifth before what was wrong for a while; then the largest share."""
     return max(broken, key=lambda error: (error.time_s is None, error.share))
 
 
@@ -209,7 +212,7 @@ def _share(name: VerdictName, number: float, limit: float, what: str) -> Verdict
 
 
 def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> Iterator[Error]:
-    """Of each measure that the reference defines: before the end, and at the end."""
+    """Of each measure that the reference defines: before the last fifth, and in it."""
     curves = Curves.of(rows, robot)
     values = {
         "tractor_m": curves.tractor_error_m,
@@ -228,8 +231,9 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
         share = np.nan_to_num(error / allowed)
         k = int(share.argmax())
         yield Error(measure, float(np.nan_to_num(error)[k]), float(allowed[k]), float(time_s[k]))
-        last = float(np.nan_to_num(error[end:]).max())
-        yield Error(measure, last, getattr(accept, f"end_{measure}"), None)
+        last, limit = np.nan_to_num(error[end:]), getattr(accept, f"end_{measure}")
+        falling = bool(limit < last.max() and last[-1] < FALLEN * last[0])
+        yield Error(measure, float(last.max()), limit, None, falling)
 
 
 def _allowed(

@@ -15,7 +15,7 @@ RESULT_ROWS = (
     ("steady_centre_of_oscillation_rmse_m", "trailer's F, rms error, 2nd half", 1e3, "mm"),
     ("tractor_rmse_m", "P, rms error", 1e3, "mm"),
     ("steady_tractor_rmse_m", "P, rms error, 2nd half", 1e3, "mm"),
-    ("tractor_final_error_m", "P, final error", 1e3, "mm"),
+    ("tractor_final_error_m", "P, error at the last sample", 1e3, "mm"),
     ("steady_trailer_rmse_m", "trailer COM, rms error, 2nd half", 1e3, "mm"),
     ("steady_theta1_rmse_rad", "θ1, rms error, 2nd half", 1e3, "mrad"),
     ("steady_theta2_rmse_rad", "θ2, rms error, 2nd half", 1e3, "mrad"),

@@ -1,12 +1,8 @@
 """What `ttwmr calibrate` does: a board shown to a simulated or a real camera."""
 
-import math
-import warnings
 from pathlib import Path
-from typing import cast
 
 import cv2
-import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_bytes
@@ -21,10 +17,7 @@ from ttwmr_mj.vision.calibration.calibrate import (
 )
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
-from ttwmr_mj.vision.quiet import quiet
-
-MOST_PIXELS = 30_000_000  # of a picture: it takes seconds to search
-PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, size_px
 
 
 def calibrate_scenario(scenario: Scenario) -> Calibration:
@@ -62,14 +55,14 @@ def calibrate_from_images(folder: Path) -> Calibration:
             "--images",
             f"needs pictures in {folder / 'held'} (got {len(held)}) and in "
             f"{folder / 'origin'} (got {len(origin)})",
-            allowed=", ".join(PICTURES),
+            allowed=", ".join(SUFFIXES),
         )
     first, *others = (held | origin | flat).items()
     for path, image in others:
         if image.shape != first[1].shape:
             unlike = Fault(
-                got=f"{_size(image)} px",
-                problem=f"{first[0]} has {_size(first[1])} px",
+                got=f"{size_px(image)} px",
+                problem=f"{first[0]} has {size_px(first[1])} px",
                 hint="all pictures must come from one camera at one resolution",
             )
             raise InputError(unlike, file=str(path))
@@ -90,42 +83,10 @@ def write_board(path: Path) -> None:
     except cv2.error:  # no such format
         encoded = False
     if not encoded:
-        raise InputError.at("--board", got=str(path), allowed=f"a file that ends in {PICTURES[0]}")
+        raise InputError.at("--board", got=str(path), allowed=f"a file that ends in {SUFFIXES[0]}")
     write_bytes(path, content.tobytes())
 
 
 def _pictures(folder: Path) -> dict[Path, Image]:
     """The images in a folder, by name; none where it is absent."""
-    paths = sorted(path for path in folder.glob("*") if path.suffix.lower() in PICTURES)
-    images = {}
-    for path in paths:
-        image = _picture(path)
-        if image is None:
-            unreadable = Fault(
-                problem="cannot be read as an image",
-                hint="PNG and JPEG of up to 30 megapixels work",
-            )
-            raise InputError(unreadable, file=str(path))
-        images[path] = np.asarray(image, dtype=np.uint8)
-    return images
-
-
-def _picture(path: Path) -> Image | None:
-    """The image, of reasonable size; None if it cannot be read as that."""
-    from PIL import Image as Pillow
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of damaged and of enormous pictures
-            with Pillow.open(path) as image:
-                if math.prod(image.size) > MOST_PIXELS:
-                    return None
-                image.load()  # OpenCV takes 4 GB where a damaged PNG says that it is so long
-        with quiet():
-            return cast("Image | None", cv2.imread(str(path), cv2.IMREAD_COLOR))
-    except Exception:  # libraries raise anything of pictures that are damaged or enormous
-        return None
-
-
-def _size(image: Image) -> str:
-    return f"{image.shape[1]}×{image.shape[0]}"
+    return {path: read_picture(path) for path in picture_files(folder)}

@@ -1,31 +1,60 @@
-"""Frames of a video file or a camera's stream."""
+"""Frames of a video file, of a folder of pictures, or of a camera's stream."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
+from typing import Annotated
 
 import cv2
 import numpy as np
+from pydantic import BaseModel, Field, ValidationError
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.pictures import picture_files, read_picture
 from ttwmr_mj.vision.quiet import quiet
 
-DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate
+DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
 MOST_RATE_HZ = 1e5  # no camera's: a damaged header's
+MOST_S = 1e6  # eleven days
+MOST_BYTES = 100_000_000  # of annotations: those of 50,000 frames
+
+
+class _Picture(BaseModel):
+    """What annotations.json says of a picture."""
+
+    file_name: Annotated[str, Field(pattern=r"^[^/\\]+$")]  # none that leaves the folder
+    time_s: Annotated[float, Field(ge=-MOST_S, le=MOST_S)]  # of the first a little below zero
+
+
+class _Annotations(BaseModel):
+    """The part of a COCO data set that is needed."""
+
+    images: list[_Picture]
 
 
 @contextmanager
 def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
-    """The frames of a video file, or of a camera by its index; the calibration must fit them.
+    """The frames of a source; the calibration must fit them.
+
+    Args:
+        source: a video file; a folder of pictures, that of `--save-frames` with their times, any
+            other by name, 30 a second; or a camera's index.
+        camera: as it was calibrated.
 
     Raises:
         InputError: it cannot be opened, or has another resolution than the calibrated camera.
     """
+    if Path(source).is_dir():
+        yield _pictures(Path(source), camera)
+        return
     if not source.isdecimal() and not Path(source).is_file():
-        missing = Fault(problem="no such video file", hint="give a file or a camera's index")
+        missing = Fault(
+            problem="no such video file or folder",
+            hint="give a video file, a folder of pictures or a camera's index",
+        )
         raise InputError(missing, file=source)
     with quiet():
         stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
@@ -39,16 +68,20 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
             raise InputError(unreadable, file=source)
         width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
-        if (width, height) != (camera.width_px, camera.height_px):
-            unlike = Fault(
-                got=f"{width}×{height} px",
-                problem=f"the camera was calibrated at {camera.width_px}×{camera.height_px} px",
-                hint="calibrate at the video's resolution",
-            )
-            raise InputError(unlike, file=source)
+        _refuse_unlike(width, height, camera, source)
         yield _frames(stream)
     finally:
         stream.release()
+
+
+def _refuse_unlike(width: int, height: int, camera: CameraModel, file: str) -> None:
+    if (width, height) != (camera.width_px, camera.height_px):
+        unlike = Fault(
+            got=f"{width}×{height} px",
+            problem=f"the camera was calibrated at {camera.width_px}×{camera.height_px} px",
+            hint="calibrate at the resolution that is used",
+        )
+        raise InputError(unlike, file=file)
 
 
 def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
@@ -61,3 +94,33 @@ def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
         if not readable:
             return
         yield Frame(np.asarray(image, dtype=np.uint8), number / rate_hz, truth=None)
+
+
+def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:
+    """A folder's pictures, each at its time."""
+    annotations = folder / "annotations.json"
+    if annotations.is_file():
+        listed = _read_annotations(annotations)
+        timed = [(folder / "images" / picture.file_name, picture.time_s) for picture in listed]
+    else:
+        timed = [(path, i / DEFAULT_RATE_HZ) for i, path in enumerate(picture_files(folder))]
+    for path, time_s in timed:
+        image = read_picture(path)
+        _refuse_unlike(image.shape[1], image.shape[0], camera, str(path))
+        yield Frame(image, time_s, truth=None)
+
+
+def _read_annotations(path: Path) -> list[_Picture]:
+    """What is said of the pictures, in the order of their times."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise ValueError("too large")
+        listed = _Annotations.model_validate_json(path.read_bytes()).images
+    except (ValidationError, ValueError, OSError) as error:
+        unlike = Fault(
+            problem="is not what `ttwmr run --save-frames` writes: images, each with file_name "
+            "and time_s",
+            hint="remove the file; the pictures are then taken by name, 30 a second",
+        )
+        raise InputError(unlike, file=str(path)) from error
+    return sorted(listed, key=lambda picture: picture.time_s)

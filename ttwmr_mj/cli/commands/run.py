@@ -88,7 +88,8 @@ def _print_run(run: "execute.Run") -> None:
     )
     print(results_table(run.metrics))
     speed = f"{run.metrics['real_time_factor']:.3g} ×"
-    print(f"{'simulated by wall time':33s} {speed:>12s}  real_time_factor")
+    label = "simulated by time, waits left out" if run.pace else "simulated by wall time"
+    print(f"{label:33s} {speed:>12s}  real_time_factor")
     if run.pace:
         print(f"{'pace':33s} {run.pace:>12s}")
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

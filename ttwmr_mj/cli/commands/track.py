@@ -1,4 +1,4 @@
-"""`ttwmr track`: the robot's poses from a video."""
+"""`ttwmr track`: the robot's poses from pictures."""
 
 from pathlib import Path
 
@@ -7,9 +7,12 @@ from ttwmr_mj.cli.shared import Live, NewFolder
 
 
 class TrackCommand(NewFolder, Live, name="track"):
-    """Track the robot through a video or a camera's stream."""
+    """Track the robot through a video, a folder of pictures or a camera's stream."""
 
-    source: str = argument("a video file, or a camera's index")
+    source: str = argument(
+        "a video file, a folder of pictures such as the frames/ of a run with --save-frames, "
+        "or a camera's index"
+    )
     calibration: Path = option(
         "the camera's calibration, as ttwmr calibrate writes it", metavar="YAML"
     )
@@ -36,6 +39,9 @@ class TrackCommand(NewFolder, Live, name="track"):
                     live=live,
                     pace=pace,
                 )
-            text = f"{done.frames} frames, robot tracked in {done.tracked}"
-            print(done.folder if self.quiet else f"{text}\nwritten to {done.folder}")
+            if self.quiet:
+                print(done.folder)
+            else:
+                print(f"{done.frames} frames, robot tracked in {done.tracked}")
+                print(f"written to {done.folder}; look at it: ttwmr view {done.folder}")
         return 0

@@ -18,11 +18,7 @@ from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.log import CameraRecord
 
-PLOTS: dict[str, tuple[str, Series]] = {
-    "position": ("position of P [mm]", Series(("x", "y"), (style.RIGHT, style.LEFT))),
-    "angles": ("angles [rad]", Series(("θ1", "θ2"), (style.TRACTOR, style.TRAILER))),
-    "uncertainty": ("uncertainty of P [mm]", Series(("P, 3 σ",), (style.COVARIANCE,))),
-}
+Plots = Mapping[str, tuple[str, Series]]  # by name: title and curves
 KEY: tuple[Entry, ...] = (
     ("label found", style.FOUND_LABEL, 3.5),
     ("searched for", style.REFERENCE, 1.2),
@@ -53,7 +49,8 @@ class TrackRecorder(RrdFile):
         labels: LabelLayout,
         live: LiveView | None = None,
     ) -> None:
-        super().__init__(path, name, _blueprint(name), live)
+        self._plots = _plots(labels.trailers)
+        super().__init__(path, name, _blueprint(name, self._plots), live)
         self._view = CameraView(self._stream, camera, labels)
         self._series = SeriesLog(self._stream)
         self._name = name
@@ -69,7 +66,7 @@ class TrackRecorder(RrdFile):
         if known:
             times_s = np.array([record.time_s for record in known])
             values = _values(known)
-            for plot, (_, series) in PLOTS.items():
+            for plot, (_, series) in self._plots.items():
                 self._series.append(f"plots/{plot}", series, times_s, values[plot])
                 self._ranges[plot] = widened(self._ranges.get(plot), values[plot])
             self._times_s = widened(self._times_s, times_s)
@@ -78,8 +75,18 @@ class TrackRecorder(RrdFile):
     def close(self) -> None:
         """Show every plot over the range that its values took, and complete the file."""
         if self._open and self._times_s is not None:
-            self._show(_blueprint(self._name, self._ranges, self._times_s))
+            self._show(_blueprint(self._name, self._plots, self._ranges, self._times_s))
         super().close()
+
+
+def _plots(trailers: int) -> Plots:
+    angles = tuple(f"θ{i}" for i in range(1, trailers + 2))
+    colours = (style.TRACTOR, *(style.TRAILER for _ in range(trailers)))
+    return {
+        "position": ("position of P [mm]", Series(("x", "y"), (style.RIGHT, style.LEFT))),
+        "angles": ("angles [rad]", Series(angles, colours)),
+        "uncertainty": ("uncertainty of P [mm]", Series(("P, 3 σ",), (style.COVARIANCE,))),
+    }
 
 
 def _values(known: Sequence[CameraRecord]) -> dict[str, FloatArray]:
@@ -91,9 +98,9 @@ def _values(known: Sequence[CameraRecord]) -> dict[str, FloatArray]:
 
 
 def _blueprint(
-    name: str, ranges: Mapping[str, Range] | None = None, times_s: Range | None = None
+    name: str, plots: Plots, ranges: Mapping[str, Range] | None = None, times_s: Range | None = None
 ) -> rrb.Blueprint:
-    plots = (
+    views = (
         layout.plot_view(
             f"plots/{plot}",
             title,
@@ -101,9 +108,9 @@ def _blueprint(
             values=(ranges or {}).get(plot),
             times_s=times_s,
         )
-        for plot, (title, series) in PLOTS.items()
+        for plot, (title, series) in plots.items()
     )
     states = layout.states_view("tracker", ("tracker",), times_s)
-    beside = rrb.Vertical(*plots, states, row_shares=[6, 4, 3, 2])
+    beside = rrb.Vertical(*views, states, row_shares=[6, 4, 3, 2])
     picture = rrb.Vertical(layout.picture_view(name), layout.key_view(), row_shares=[18, 1])
     return layout.page(rrb.Horizontal(picture, beside, column_shares=[3, 2]))

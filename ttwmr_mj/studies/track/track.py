@@ -1,5 +1,6 @@
 """What `ttwmr track` does: from a video or camera to poses.parquet and track.rrd."""
 
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import islice
@@ -25,7 +26,6 @@ from ttwmr_mj.vision.tracking.tracker import Tracker
 
 BATCH = 30  # frames worked in between two writes: a second
 LIVE_BATCH = 3
-STD_NAMES = ("x_std_m", "y_std_m", "theta1_std_rad", "theta2_std_rad")
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,11 +50,11 @@ def track(
 ) -> Track:
     """Track the robot through a video or a camera's stream.
 
-    poses.parquet has a row per frame: time_s, x_m … theta2_rad and their rates and standard
-    deviations (NaN before the robot was first seen), labels_found, valid.
+    poses.parquet has a row per frame: time_s, x_m … theta2_rad (and so on for more trailers), their
+    rates and standard deviations (NaN before the robot was first seen), labels_found, valid.
 
     Args:
-        source: a video file, or a camera's index.
+        source: a video file, a folder of pictures or a camera's index.
         calibration_path: a file of `ttwmr calibrate`.
         folder: for the files; it exists.
         robot: the robot in the pictures.
@@ -88,7 +88,7 @@ def track(
         except KeyboardInterrupt:  # how one ends a camera's stream
             pass
     if not rows:
-        problem = "no frame could be read; the video may be empty or damaged"
+        problem = "no frame could be read; it may be empty or damaged"
         raise InputError(Fault(problem=problem), file=source)
     _write(rows, folder / "poses.parquet")
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
@@ -102,13 +102,15 @@ def _tracked(tracker: Tracker, frame: Frame) -> CameraRecord:
 def _row(record: CameraRecord) -> tuple[float, ...]:
     estimate = record.estimate
     spread = np.sqrt(np.maximum(estimate.covariance.diagonal(), 0.0))
-    numbers = [record.time_s, *estimate.q, *estimate.q_rate, *spread[:4]]
+    numbers = [record.time_s, *estimate.q, *estimate.q_rate, *spread]
     return (*map(float, numbers), float(estimate.labels), float(estimate.valid))
 
 
 def _write(rows: list[tuple[float, ...]], path: Path) -> None:
     import pyarrow as pa
 
-    names = ("time_s", *q_names(4), *rate_names(4), *STD_NAMES, "labels_found", "valid")
     columns = np.array(rows).T
+    q = q_names((len(columns) - 3) // 3)
+    spread = [re.sub("(?=_[^_]+$)", "_std", name) for name in q]
+    names = ("time_s", *q, *rate_names(len(q)), *spread, "labels_found", "valid")
     write_parquet(pa.table(dict(zip(names, columns, strict=True))), path)

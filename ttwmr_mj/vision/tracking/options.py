@@ -76,7 +76,13 @@ class TrackerOptions(Config):
     )
 
 
-# nobody tells what the wheels of a filmed robot were told: anything they can do must be expected
+# Nobody tells what the wheels of a filmed robot were told: anything they can do must be expected.
+# The deviations are all the twist there is, and the model has them decay: a short time would make
+# up a deceleration, and with it a torque on the trailers, of which swing_noise takes what is left.
 FREE_MOTION = TrackerOptions(
-    label_noise_px=0.15, speed_noise_m_s=0.2, turn_noise_rad_s=2.0, noise_time_s=0.5
+    label_noise_px=0.15,
+    speed_noise_m_s=0.4,
+    turn_noise_rad_s=4.0,
+    noise_time_s=2.0,
+    swing_noise_rad_s2=10.0,
 )

@@ -1,0 +1,57 @@
+"""Pictures from files, which may be damaged or enormous."""
+
+import math
+import warnings
+from pathlib import Path
+from typing import cast
+
+import cv2
+import numpy as np
+
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.quiet import quiet
+
+MOST_PIXELS = 30_000_000  # of a picture: it takes seconds to search
+SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
+
+
+def picture_files(folder: Path) -> list[Path]:
+    """The pictures in a folder, by name; none where it is absent."""
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
+
+
+def read_picture(path: Path) -> Image:
+    """A picture (rows, columns, 3), blue, green, red.
+
+    Raises:
+        InputError: it is missing, or cannot be read as a picture of reasonable size.
+    """
+    image = _read(path)
+    if image is None:
+        unreadable = Fault(
+            problem="cannot be read as an image", hint="PNG and JPEG of up to 30 megapixels work"
+        )
+        raise InputError(unreadable, file=str(path))
+    return np.asarray(image, dtype=np.uint8)
+
+
+def size_px(image: Image) -> str:
+    """Width and height, in words."""
+    return f"{image.shape[1]}×{image.shape[0]}"
+
+
+def _read(path: Path) -> Image | None:
+    from PIL import Image as Pillow
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of damaged and of enormous pictures
+            with Pillow.open(path) as image:
+                if math.prod(image.size) > MOST_PIXELS:
+                    return None
+                image.load()  # OpenCV takes 4 GB where a damaged PNG says that it is so long
+        with quiet():
+            return cast("Image | None", cv2.imread(str(path), cv2.IMREAD_COLOR))
+    except Exception:  # libraries raise anything of pictures that are damaged or enormous
+        return None
