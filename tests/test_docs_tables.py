@@ -29,7 +29,9 @@ def test_every_table_has_a_place() -> None:
     page = pages["controllers.md"]
     assert "| `tvlqr` | " in page
     assert "| `flat_circle` | " in page
-    assert "| `end_theta2_rad` | `0.2` | largest error of θ2 in the last fifth" in pages["verdict.md"]
+    assert (
+        "| `end_theta2_rad` | `0.2` | largest error of θ2 in the last fifth" in pages["verdict.md"]
+    )
     assert "| lost | `lost` | P exceeded a limit |" in pages["verdict.md"]
 
 

@@ -9,11 +9,12 @@ import cv2
 import numpy as np
 import pytest
 from drawn import drawn, labels
+from trains import train
 from trajectories_of_figures import ROBOT, circle_run
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.figures.summary import LOOKS, WIDTH_IN, write_summary
-from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.curves import Curves, centre_of_oscillation
 from ttwmr_mj.results.trajectory import Trajectory
 
 TITLE = ["circle: followed", "contact · lyapunov & <camera> · seed 7", "2 mm: trailer, rms error"]
@@ -44,7 +45,7 @@ def test_it_says_what_ran_and_what_is_drawn(folder: Path) -> None:
     shown = labels(folder / "summary.svg")
     assert set(TITLE) <= set(shown)
     assert {"x [m]", "y [m]", "time [s]", "error [mm]", "θ2 [rad]", "wheels [rad/s]"} <= set(shown)
-    assert {"reference", "tractor (P)", "trailer (COM)", "right", "left", "limit"} <= set(shown)
+    assert {"reference", "tractor (P)", "trailer (F)", "right", "left", "limit"} <= set(shown)
     assert "estimate of P" not in shown  # the law saw the truth
 
 
@@ -62,7 +63,11 @@ def test_curves_are_the_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     curves, of = drawn_of["summary"], Curves.of(run, ROBOT)
     np.testing.assert_array_equal(curves["reference"], run.ref_q[:, 0, :2].T)
     np.testing.assert_array_equal(curves["tractor (P)"], run.q[:, 0, :2].T)
-    np.testing.assert_array_equal(curves["trailer (COM)"], of.trailer_com_m[:, 0].T)
+    f = centre_of_oscillation(run.q, ROBOT)[:, 0]
+    np.testing.assert_array_equal(curves["trailer (F)"], f.T)
+    errors_mm = np.array([line[1] for name, line in curves.items() if "error [mm]" in name])
+    np.testing.assert_array_equal(errors_mm[0], 1e3 * of.oscillation_error_m[:, 0])
+    np.testing.assert_array_equal(errors_mm[1], 1e3 * of.tractor_error_m[:, 0])
     np.testing.assert_allclose(curves["estimate of P"][1], 5.0)  # mm
     np.testing.assert_array_equal(curves["θ2"], [run.time_s, run.q[:, 0, 3]])
     np.testing.assert_array_equal(curves["right"][1], run.wheel_speed_rad_s[:, 0, 0])
@@ -76,7 +81,19 @@ def test_a_run_without_reference_has_no_errors(tmp_path: Path) -> None:
     write_summary(free, ROBOT, tmp_path, ["free"])
     shown = labels(tmp_path / "summary.svg")
     assert not {"error [mm]", "reference"} & set(shown)
-    assert {"θ2 [rad]", "tractor (P)"} <= set(shown)
+    assert {"θ2 [rad]", "tractor (P)", "trailer (COM)"} <= set(shown)
+
+
+def test_of_a_train_the_hitches_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn_of = drawn(monkeypatch, "ttwmr_mj.figures.summary")
+    q = np.concatenate([circle_run().q, circle_run().q[..., 3:] + 0.25], axis=-1)
+    run = replace(circle_run(), q=q, ref_q=q.copy(), est_q=q.copy())
+    robot = train(2)
+    write_summary(run, robot, tmp_path, ["train"])
+    curves = drawn_of["summary"]
+    assert "last trailer (F)" in curves
+    np.testing.assert_allclose(curves["θ3 − θ2"][1], 0.25)
+    np.testing.assert_allclose(curves["θ2 − θ1"][1], q[:, 0, 3] - q[:, 0, 2])
 
 
 @pytest.mark.slow

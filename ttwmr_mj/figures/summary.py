@@ -11,11 +11,12 @@ import numpy as np
 
 from ttwmr_mj.figures import style
 from ttwmr_mj.figures.canvas import canvas, save
+from ttwmr_mj.figures.scales import plain_log
 from ttwmr_mj.figures.silhouettes import apart, draw_direction, draw_silhouettes
-from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.curves import Curves, centre_of_oscillation, trailer_com
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA2
+from ttwmr_mj.state import THETA2, FloatArray, hitch_angles
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -119,22 +120,32 @@ def _head(figure: Figure, paths: Axes, title: Sequence[str]) -> None:
 
 
 def _draw_paths(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
-    p, com = run.q[:, 0, :2], curves.trailer_com_m[:, 0]
-    for wanted, width in ((run.ref_q[:, 0, :2], 4.0), (curves.ref_trailer_com_m[:, 0], 2.5)):
+    name, point, _ = _of_trailer(curves)
+    p, trailer = run.q[:, 0, :2], point(run.q, robot)[:, 0]
+    for wanted, width in ((run.ref_q[:, 0, :2], 4.0), (point(run.ref_q, robot)[:, 0], 2.5)):
         if np.isfinite(wanted).any():
             first = width == style.BAND["linewidth"]
             axes.plot(
                 *wanted.T, **style.BAND | {"linewidth": width}, label="reference" if first else None
             )
     axes.plot(*p.T, color=style.TRACTOR, label="tractor (P)")
-    axes.plot(*com.T, color=style.TRAILER, label="trailer (COM)")
+    whose = "trailer" if run.q.shape[-1] == THETA2 + 1 else "last trailer"
+    axes.plot(*trailer.T, color=style.TRAILER, label=f"{whose} ({name})")
     alive = np.flatnonzero(np.isfinite(run.q[:, 0]).all(axis=1))
     rows = alive[np.unique(apart(run.q[alive, 0, :2], POSES))]
     draw_silhouettes(axes, run.q[rows, 0], robot)
     for row in rows[:-1]:
         draw_direction(axes, run.q[row:, 0, :2])
     axes.set_aspect("equal", adjustable="datalim")
+    axes.locator_params(axis="x", nbins=5)
     axes.set(xlabel="x [m]", ylabel="y [m]")
+
+
+def _of_trailer(curves: Curves) -> tuple[str, Callable[..., FloatArray], FloatArray]:
+    """The point of the last trailer that the headline is about: its name, place and error."""
+    if np.isfinite(curves.oscillation_error_m).any():
+        return "F", centre_of_oscillation, curves.oscillation_error_m
+    return "COM", trailer_com, curves.trailer_error_m
 
 
 def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
@@ -142,7 +153,7 @@ def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
     miss = np.where(_estimated(run), np.hypot(*(run.est_q - run.q)[:, 0, :2].T), np.nan)
     for values, colour, name in (
         (miss, style.GREEN, "estimate of P"),
-        (curves.trailer_error_m[:, 0], style.TRAILER, None),
+        (_of_trailer(curves)[2][:, 0], style.TRAILER, None),
         (curves.tractor_error_m[:, 0], style.TRACTOR, None),
     ):
         if np.isfinite(values).any():
@@ -150,22 +161,27 @@ def _draw_errors(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParame
             shown = np.maximum(1e3 * values, LEAST_ERROR_MM)
             axes.plot(run.time_s, shown, color=colour, label=name, linewidth=width)
     axes.set_yscale("log")
+    plain_log(axes.yaxis, axes.get_ylim())
     axes.set_ylabel("error [mm]")
     if axes.get_legend_handles_labels()[1]:
         _legend_above(axes)
 
 
 def _draw_angles(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParameters) -> None:
+    """θ2, or of a train how far each hitch is bent: its trailers may point the same way."""
     del curves, robot
-    angles, wanted = run.q[:, 0, THETA2:], run.ref_q[:, 0, THETA2:]
-    trailers = angles.shape[1]
-    for i in range(trailers):
+    if run.q.shape[-1] == THETA2 + 1:
+        names, angles, wanted = ["θ2"], run.q[:, 0, THETA2:], run.ref_q[:, 0, THETA2:]
+    else:
+        angles, wanted = hitch_angles(run.q[:, 0]), hitch_angles(run.ref_q[:, 0])
+        names = [f"θ{i + 2} − θ{i + 1}" for i in range(angles.shape[1])]
+    for i, name in enumerate(names):
         if np.isfinite(wanted[:, i]).any():
             axes.plot(run.time_s, wanted[:, i], **style.BAND)
-        shade = 1.0 - 0.6 * i / trailers
-        axes.plot(run.time_s, angles[:, i], color=style.TRAILER, alpha=shade, label=f"θ{i + 2}")
-    axes.set_ylabel("θ2 [rad]" if trailers == 1 else "θ [rad]")
-    if trailers > 1:
+        shade = 1.0 - 0.6 * i / len(names)
+        axes.plot(run.time_s, angles[:, i], color=style.TRAILER, alpha=shade, label=name)
+    axes.set_ylabel("θ2 [rad]" if len(names) == 1 else "hitches [rad]")
+    if len(names) > 1:
         _legend_above(axes)
 
 
