@@ -55,15 +55,17 @@ def test_paths_deviations_slip_and_residuals_are_drawn(
         np.testing.assert_array_equal(y("deviation", name), 1e3 * values)
     for where, slip in (("along", rest.slip_along_m_s), ("aside", rest.slip_aside_m_s)):
         for wheel, name in enumerate(("right", "left")):
-            shown = y("slip", f"wheel slip\n{where} [mm/s] {name}")
-            np.testing.assert_array_equal(shown, 1e3 * slip[:, wheel])
+            shown = y("slip", f"wheel slip\n{where} [µm/s] {name}")
+            np.testing.assert_array_equal(shown, 1e6 * slip[:, wheel])
     for curve, values in (
         ("Eq. 3: side slip\nof P [mm/s]", 1e3 * rest.lateral_speed_m_s),
         ("Eq. 17: torque\nmissing [µN·m]", 1e6 * rest.trailer_torque_n_m),
         ("energy\nlost [mJ]", 1e3 * rest.energy_lost_j),
     ):
         np.testing.assert_array_equal(y("residuals", f"{curve} _child0"), values)
-    assert {"turn", "angles [mrad]", "time [s]"} <= set(labels(tmp_path / "deviation.svg"))
+    assert {"turn: contact physics less analytic model", "angles [mrad]", "time [s]"} <= set(
+        labels(tmp_path / "deviation.svg")
+    )
 
 
 ROWS = [

@@ -11,6 +11,7 @@ import numpy as np
 
 from ttwmr_mj.figures.canvas import Draw, legend_below, stacked, write_figures
 from ttwmr_mj.figures.style import (
+    BAND,
     GREEN,
     GREY,
     HITCH,
@@ -52,6 +53,16 @@ STACK_COLOURS = {
     "higher_interactions": "#AAAAAA",
     "rest": GREY,
 }
+TITLES = {
+    "paths": "paths",
+    "deviation": "contact physics less analytic model",
+    "slip": "slip of the wheels over the floor",
+    "residuals": "what the equations leave over",
+    "attribution": "what the deviation is made of",
+    "contributions": "what the deviation is made of, over time",
+    "convergence": "the physics step refined",
+    "fit": "gain of the fitted model",
+}
 BAR_COLOURS = {"total": INK, "rest": GREY, "higher_interactions": GREY}
 
 
@@ -81,7 +92,10 @@ def write_compare_figures(
         drawings["convergence"] = partial(_draw_convergence, convergence=convergence)
     if fit is not None:
         drawings["fit"] = partial(_draw_fit, fit=fit)
-    return write_figures(drawings, folder, title, SIZE_IN)
+    files: list[Path] = []
+    for name, draw in drawings.items():
+        files += write_figures({name: draw}, folder, f"{title}: {TITLES[name]}", SIZE_IN)
+    return files
 
 
 def _draw_paths(figure: Figure, pair: Pair) -> None:
@@ -89,10 +103,10 @@ def _draw_paths(figure: Figure, pair: Pair) -> None:
     axes = figure.subplots()
     robot = pair.contact.robot
     contact, analytic = pair.contact.trajectory.q[:, 0], pair.analytic.q[:, 0]
+    axes.plot(*analytic[:, :2].T, **BAND, label="analytic model")
+    axes.plot(*trailer_com(analytic, robot).T, **BAND)
     axes.plot(*contact[:, :2].T, color=TRACTOR, label="P, contact physics")
     axes.plot(*trailer_com(contact, robot).T, color=TRAILER, label="COM of the trailer")
-    axes.plot(*analytic[:, :2].T, **REFERENCE, label="analytic model")
-    axes.plot(*trailer_com(analytic, robot).T, **REFERENCE)
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="x [m]", ylabel="y [m]")
     legend_below(figure)
@@ -108,17 +122,17 @@ def _draw_deviation(figure: Figure, pair: Pair) -> None:
         angles = {name: curve for name, curve in deviation.angle_curves.items() if name != "hitch"}
         colours = (TRACTOR, TRAILER, GREEN, VERMILION, SKY, GREY)[: 2 + more]
         panels["angles [mrad]"] = (angles, colours)
-    _over_time(figure, deviation.time_s, panels, (1.5,) * 6)
+    _over_time(figure, deviation.time_s, panels, (1.5,) * 6, 1e3)
 
 
 def _draw_slip(figure: Figure, pair: Pair) -> None:
     slip = {"along": pair.residuals.slip_along_m_s, "aside": pair.residuals.slip_aside_m_s}
     panels = {
-        f"wheel slip\n{where} [mm/s]": ({"right": v[:, 0], "left": v[:, 1]}, (RIGHT, LEFT))
+        f"wheel slip\n{where} [µm/s]": ({"right": v[:, 0], "left": v[:, 1]}, (RIGHT, LEFT))
         for where, v in slip.items()
     }
     # one curve may hide the other, as both wheels slip aside together
-    _over_time(figure, pair.residuals.time_s, panels, (3.0, 1.0))
+    _over_time(figure, pair.residuals.time_s, panels, (3.0, 1.0), 1e6)
 
 
 def _over_time(
@@ -126,13 +140,14 @@ def _over_time(
     time_s: FloatArray,
     panels: Mapping[str, tuple[dict[str, FloatArray], Sequence[str]]],
     widths: Sequence[float],
+    scale: float,
 ) -> None:
-    """Named curves, a thousandfold, one panel below the other: label → curves and colours."""
+    """Named curves, scaled, one panel below the other: label → curves and colours."""
     figure.set_size_inches(TALL_SIZE_IN)
     rows = figure.subplots(len(panels), sharex=True)
     for axes, (label, (curves, colours)) in zip(rows, panels.items(), strict=True):
         for (name, values), colour, width in zip(curves.items(), colours, widths, strict=False):
-            axes.plot(time_s, 1e3 * values, color=colour, linewidth=width, label=name)
+            axes.plot(time_s, scale * values, color=colour, linewidth=width, label=name)
         axes.set_ylabel(label)
         axes.margins(x=0.01)
         axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))  # where it hides nothing
