@@ -50,7 +50,7 @@ class Told:
         )  # fmt: skip
         self.folder = folder
         self.table = {name: np.array(values, dtype=object) for name, values in table.items()}
-        write_report(folder)
+        self.terminal = write_report(folder).splitlines()
         self.page = (folder / "report.html").read_text()
         self.failed = self.table["verdict"] != "followed"
 
@@ -94,6 +94,19 @@ def test_the_head_says_how_many_failed_and_how_sure_that_is(told: Told) -> None:
     assert "72</b><span>runs: 9 draws × 2 variants × 4 seeds" in told.page
     broke = int((told.table["status"] != "ok").sum())
     assert f"<b>{broke}</b><span>broke off before the end" in told.page
+
+
+def test_the_terminal_says_the_same(told: Told) -> None:
+    count = int(told.failed.sum())
+    runs, median, table, report = told.terminal
+    assert runs.endswith(f": 72 runs, {count} failed ({exact(count, 72).replace(' [', ' % [')})")
+    ended = told.table["status"] == "ok"
+    middle = 1e3 * np.median(np.where(ended, told.table[HEADLINE].astype(float), np.inf))
+    assert median.startswith(f"{HEADLINE}: median {middle:.3g} mm [")
+    assert (table, report) == (
+        f"table: {told.folder / 'results.parquet'}",
+        f"report: {told.folder / 'report.html'}",
+    )
 
 
 def test_each_variant_has_its_failure_rate_and_its_median(told: Told) -> None:

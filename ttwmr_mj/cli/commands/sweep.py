@@ -177,11 +177,9 @@ class Sweep(Quiet, name="sweep"):
     def _conclude(self, plan: Plan, folder: Path, part: Part, complete: bool) -> None:
         """Write the report, if all rows are there; say what there is."""
         from ttwmr_mj.studies.sweep.answers.report import write_report
-        from ttwmr_mj.studies.sweep.folder.results import told_results
 
         if complete:
-            write_report(folder)
-            told = told_results(plan, folder)
+            told = write_report(folder)
         else:
             start, stop = part.rows(plan)
             told = (

@@ -7,7 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 
-LINE_EVERY_S = 60.0
+LINE_EVERY_S = 60.0  # in the long run;
+FIRST_LINE_S = 2.0  # at first sooner: whoever kills a sweep soon reads how far it was
 
 
 @contextmanager
@@ -53,8 +54,10 @@ class _Lines:
         now = monotonic()
         if self._first is None:
             self._first = done
-        elif now - self._last < LINE_EVERY_S and done < self._rows:
-            return
+        elif done < self._rows:
+            waited_s = max(FIRST_LINE_S, min(LINE_EVERY_S, self._last - self._began))
+            if now - self._last < waited_s:
+                return
         self._last = now
         print(self._line(done, failed, now - self._began), file=sys.stderr, flush=True)
 

@@ -28,18 +28,22 @@ from ttwmr_mj.studies.sweep.answers.tables import (
     verdicts_table,
 )
 from ttwmr_mj.studies.sweep.answers.words import Shown, number, parameter_label, said_percent
+from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Row
 from ttwmr_mj.studies.sweep.words import command_of
 
 MOST_FAILED = 100  # failed runs that the page lists; failed.csv has all
 
 
-def write_report(folder: Path) -> None:
+def write_report(folder: Path) -> str:
     """Write report.html, figures/ and failed.csv into a sweep's folder.
 
     Args:
         folder: holds plan.json and results.parquet; the same two give the same bytes. Recordings in
             it are linked.
+
+    Returns:
+        The sweep in a few lines, for a terminal.
     """
     every = Sweep.read(folder)
     sweep = every.without_repeats()
@@ -50,7 +54,19 @@ def write_report(folder: Path) -> None:
     recordings = [(path.parent.name, path.relative_to(folder).as_posix()) for path in recorded]
     repeats = len(every) - len(sweep)
     page = _page(sweep, findings, drawings, recordings, repeats)
-    write_text(folder / "report.html", page)
+    write_text(folder / REPORT_FILE, page)
+    return _told(sweep, findings, folder)
+
+
+def _told(sweep: Sweep, findings: Findings, folder: Path) -> str:
+    whole = findings.whole
+    runs = f"{len(sweep)} runs, {whole.failed} failed ({said_percent(whole.failures)})"
+    lines = [f"{sweep.plan['name']}: {runs}"]
+    if sweep.headline:
+        lines.append(f"{sweep.headline}: median {Shown.of(sweep.headline).said(whole.median)}")
+    return "\n".join(
+        [*lines, f"table: {folder / RESULTS_FILE}", f"report: {folder / REPORT_FILE}"]
+    )
 
 
 def _write_failed(sweep: Sweep, path: Path) -> None:

@@ -46,16 +46,3 @@ def _window(shards: list[Shard], start: int, stop: int) -> pa.Table:
 def failures(table: pa.Table) -> int:
     """How many of these rows did not do their job."""
     return len(table) - int(pc.sum(pc.is_in(table["verdict"], pa.array(SUCCESSES))).as_py() or 0)
-
-
-def told_results(plan: Plan, folder: Path) -> str:
-    """A finished sweep in a few lines."""
-    table = pq.read_table(folder / RESULTS_FILE, columns=["verdict", plan.metric])
-    share = 100.0 * failures(table) / plan.rows
-    metric = table[plan.metric].drop_null()
-    lines = [f"{plan.name}: {plan.rows} runs, {failures(table)} failed ({share:.3g} %)"]
-    if len(metric):
-        low, middle, high = pc.quantile(metric, [0.05, 0.5, 0.95]).to_pylist()
-        lines.append(f"{plan.metric}: median {middle:.3g}, 90 % within {low:.3g} to {high:.3g}")
-    where = f"table: {folder / RESULTS_FILE}\nreport: {folder / REPORT_FILE}"
-    return "\n".join([*lines, where])
