@@ -18,7 +18,10 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan, Row
 
 SAMPLE = 5  # rows that are shown
 PROBED = 16  # rows that are run for a moment
-PROBE_S = 1.0  # simulated time of that
+PROBES_S = (
+    0.2,
+    1.2,
+)  # simulated times of that: what takes longer grows with it, the rest is set-up
 
 
 def plan_text(plan: Plan) -> str:
@@ -127,20 +130,26 @@ def estimated_time_s(plan: Plan, workers: int) -> float | None:
     A batch shares its work, which the few make use of only in part: the time is at most this, if
     all rows take alike.
     """
+    short_s, long_s = PROBES_S
     numbers = np.unique(np.linspace(0, plan.rows - 1, PROBED).astype(np.int64))
     try:
         scenarios = [plan.scenario_of(row) for row in plan.rows_at(numbers)]
-        probes = [
-            scenario.model_copy(update={"duration_s": min(PROBE_S, scenario.duration_s)})
-            for scenario in scenarios
-        ]
-        began = perf_counter()
-        run_batch(probes, plan.beside, nthread=1)
-        took_s = perf_counter() - began
+        _probed(scenarios, plan, short_s)  # imports and caches
+        short_took, long_took = (_probed(scenarios, plan, s) for s in PROBES_S)
     except TtwmrError:
         return None
-    wanted, simulated = (sum(s.duration_s for s in given) for given in (scenarios, probes))
-    return took_s * wanted / simulated / len(numbers) * plan.rows / workers
+    rate = max(0.0, long_took - short_took) / (long_s - short_s)
+    mean_s = sum(scenario.duration_s for scenario in scenarios) / len(scenarios)
+    took_s = short_took + rate * max(0.0, mean_s - short_s)
+    return took_s / len(numbers) * plan.rows / workers
+
+
+def _probed(scenarios: list[Scenario], plan: Plan, duration_s: float) -> float:
+    """Wall time of the beginnings of some rows in one batch [s]."""
+    short = [s.model_copy(update={"duration_s": min(duration_s, s.duration_s)}) for s in scenarios]
+    began = perf_counter()
+    run_batch(short, plan.beside, nthread=1)
+    return perf_counter() - began
 
 
 def duration(seconds: float) -> str:

@@ -64,9 +64,7 @@ def _told(sweep: Sweep, findings: Findings, folder: Path) -> str:
     lines = [f"{sweep.plan['name']}: {runs}"]
     if sweep.headline:
         lines.append(f"{sweep.headline}: median {Shown.of(sweep.headline).said(whole.median)}")
-    return "\n".join(
-        [*lines, f"table: {folder / RESULTS_FILE}", f"report: {folder / REPORT_FILE}"]
-    )
+    return "\n".join([*lines, f"table: {folder / RESULTS_FILE}", f"report: {folder / REPORT_FILE}"])
 
 
 def _write_failed(sweep: Sweep, path: Path) -> None:
