@@ -33,6 +33,7 @@ DRIVEN = ("tractor", "trailer")
 THICKNESS_M = 2e-4
 LIFT_M = 0.1  # of Table I's robot: forces are drawn above the robot, inside it they cannot be seen
 ARROW_M = 0.004  # half the width of a force's arrow
+STEM_M = 0.0012  # of the line from where the force acts to its arrow
 SHADE = (0.0, 0.0, 0.0, 0.22)
 SHADE_MARGIN_M = 0.006
 MAX_GEOMS = 20_000
@@ -73,7 +74,7 @@ class Stage:
         self._option.geomgroup[:] = [1, 1, 1, 0, 0, 0]
         self._update(0)
         self._first_moving = self._scene.ngeom
-        self._first_still = self._first_moving + footage.arrows_m.shape[1] + len(self._bodies)
+        self._first_still = self._first_moving + 2 * footage.arrows_m.shape[1] + len(self._bodies)
         self._reached_s = self._draw_paths()
 
     def close(self) -> None:
@@ -87,12 +88,15 @@ class Stage:
         scene, count = self._scene, self._first_moving
         scale = self._footage.scenario.robot.looks_scale
         for origin, vector in self._footage.arrows_m[frame]:
-            geom = scene.geoms[count]
-            _look(geom, mujoco.mjtGeom.mjGEOM_ARROW, style.FORCE)
-            kind = mujoco.mjtGeom.mjGEOM_ARROW
             foot = origin + [0.0, 0.0, scale * LIFT_M]
-            mujoco.mjv_connector(geom, kind, scale * ARROW_M, foot, foot + vector)
-            count += 1
+            for kind, width_m, start, end in (
+                (mujoco.mjtGeom.mjGEOM_ARROW, ARROW_M, foot, foot + vector),
+                (mujoco.mjtGeom.mjGEOM_CAPSULE, STEM_M, origin, foot),
+            ):
+                geom = scene.geoms[count]
+                _look(geom, kind, style.FORCE)
+                mujoco.mjv_connector(geom, kind, scale * width_m, start, end)
+                count += 1
         for body in self._bodies:
             self._shade(scene.geoms[count], body)
             count += 1
