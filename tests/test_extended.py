@@ -9,8 +9,10 @@ from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
 from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
 from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.robot import Hitch, RobotParameters
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import FloatArray, RobotState
 
 ROBOT = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.3, damping_n_m_s_rad=0.02))
 RNG = np.random.default_rng(7)
@@ -179,3 +181,23 @@ def test_dry_friction_slows_the_hitch_and_nothing_else(friction: float) -> None:
     less = friction * 0.03 / float(model.swing_inertia_kg_m2)
     got = model.rub(np.array([1.0, 0.0, 0.5]), turn, time_s)
     np.testing.assert_allclose(got, [1.0 - less, less, 0.5], rtol=1e-12)
+
+
+@pytest.mark.parametrize(("stiffness", "damping"), [(300.0, 0.0), (0.5, 2.0), (0.0, 2.0)])
+def test_steps_beyond_the_stability_limit_are_rejected(stiffness: float, damping: float) -> None:
+    robot = RobotParameters(hitch=Hitch(stiffness_n_m_rad=stiffness))
+    expected = ExtendedParameters.expected(robot).model_copy(
+        update={"hitch_damping_n_m_s_rad": damping, "hitch_coulomb_friction_n_m": 0.0}
+    )
+    model = ExtendedModel.of(robot, expected)
+    inertia = float(model.swing_inertia_kg_m2)
+    linear = np.array([[0.0, 1.0], [-stiffness / inertia, -damping / inertia]])
+    longest_s = 2.6 / float(np.abs(np.linalg.eigvals(linear)).max())
+    with pytest.raises(InputError, match="too stiff") as error:
+        ExtendedPlant(model, 1, 0.033, 1.001 * longest_s)
+    assert error.value.faults[0].key == ("plant", "analytic", "max_step_s")
+    plant = ExtendedPlant(model, 1, 0.033, 0.999 * longest_s)
+    plant.reset(RobotState(q=np.array([[0.0, 0.0, 0.0, 0.5]]), q_rate=np.zeros((1, 4))))
+    for _ in range(10):
+        plant.advance(np.zeros((1, 2)), 1)
+    assert abs(plant.state().q[0, 3]) <= 0.51  # never beyond its start

@@ -141,6 +141,14 @@ BAD = {
         HEAD + 'sampling = "random"\nsamples = 3\n',
         "samples: nothing is varied",
     ),
+    "seeds of another type": (
+        HEAD + 'seeds = "ten"\n',
+        "mine.toml: 1 error\n  seeds: got 'ten'; allowed: a whole number\n",
+    ),
+    "a seed of another type": (
+        HEAD + 'seeds = [1, "ten"]\n',
+        "mine.toml: 1 error\n  seeds.1: got 'ten'; allowed: a whole number\n",
+    ),
     "an unknown sampling": (HEAD + 'sampling = "halton"\n', "sampling: got 'halton'; allowed:"),
     "a Sobol sequence out of balance": (
         HEAD + 'sampling = "sobol"\nsamples = 100\n',

@@ -38,7 +38,7 @@ class Terrain(Config):
         description="distance at which heights are alike to 1/e; typically 0.5",
     )
     half_size_m: float = Field(
-        default=3.0, gt=0, le=30, description="half the side of the square; typically 3"
+        default=3.0, ge=0.5, le=30, description="half the side of the square; typically 3"
     )
     seed: int = Field(default=0, ge=0, le=2**31, description="one seed is one terrain")
     png_path: Annotated[str, input_file(PICTURE)] | None = Field(

@@ -5,7 +5,9 @@ import numpy as np
 from ttwmr_mj.dynamics.extended import ExtendedModel
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import ModelPlant
+from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.state import THETA2, BoolArray, FloatArray, RobotState
 
 
@@ -15,8 +17,22 @@ class ExtendedPlant(ModelPlant):
     def __init__(
         self, model: ExtendedModel, nsim: int, time_step_s: float, max_integration_step_s: float
     ) -> None:
-        """Build the plant from the equations and their parameters; the rest as of its base."""
+        """Build the plant from the equations and their parameters; the rest as of its base.
+
+        Raises:
+            InputError: the integration would be unstable for this hitch.
+        """
         self._model = model
+        longest_s = RK4_STABLE_RADIUS / max(float(np.max(_fastest(model))), np.finfo(float).tiny)
+        if max_integration_step_s > longest_s:
+            raise InputError.at(
+                "plant.analytic.max_step_s",
+                "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad, "
+                "plant.analytic.extended.hitch_damping_n_m_s_rad) are too stiff for it",
+                got=f"{max_integration_step_s:g}",
+                allowed=f"at most {longest_s:.3g}",
+                hint="lower it, or the spring's and damper's constants",
+            )
         timing = time_step_s, max_integration_step_s, model.physics_step_s
         super().__init__(model.robot.servo, nsim, *timing)
 
@@ -46,3 +62,13 @@ class ExtendedPlant(ModelPlant):
         self._setpoint_rate = stretches.rate_rad_s2[last, each]
         self._lead_s = stretches.lead_s[last, each]
         self._setpoint = end_rad_s
+
+
+def _fastest(model: ExtendedModel) -> FloatArray:
+    """Magnitude [1/s] of the fastest eigenvalue of J·φ̈ + c·φ̇ + k·φ = 0, the hitch alone."""
+    inertia = model.swing_inertia_kg_m2
+    stiffness = np.asarray(model.robot.hitch.stiffness_n_m_rad / inertia)
+    half = np.asarray(0.5 * model.values["hitch_damping_n_m_s_rad"] / inertia)
+    beyond = half**2 - stiffness
+    real = half + np.sqrt(np.maximum(beyond, 0.0))
+    return np.asarray(np.where(beyond < 0.0, np.sqrt(stiffness), real))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Discriminator, Field, Tag, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import Config
@@ -39,9 +39,10 @@ class SweepFile(Config):
     description: str = ""
     scenario: str = Field(description="a TOML file next to the sweep, or a shipped scenario")
     overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
-    seeds: int | list[Seed] = Field(
-        default=1, description="how many, counted from first_seed, or the seeds themselves"
-    )
+    seeds: Annotated[
+        Annotated[int, Tag("int")] | Annotated[list[Seed], Tag("list[int]")],
+        Discriminator(lambda given: "list[int]" if isinstance(given, list) else "int"),
+    ] = Field(default=1, description="how many, counted from first_seed, or the seeds themselves")
     first_seed: Seed = Field(
         default=0, description="the first of seeds that are a number; other than those tuned on"
     )
