@@ -236,7 +236,10 @@ def _solve(
     )
     step = knot_to_knot(robot).map(n - 1)
     problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
-    longer = ca.sum2(legs_s) / guess.duration_s
+    # a number of its own: the cost, which holds it, would else tie every leg to every knot, and
+    # sixty points would take half a minute before the search begins
+    longer = problem.variable()
+    problem.subject_to(ca.sum2(legs_s) == longer * guess.duration_s)
     if request.duration_s is None:
         problem.subject_to(problem.bounded(1.0, longer, MOST_TIME))
     else:
@@ -259,6 +262,7 @@ def _solve(
     problem.minimize(rough + TIME_PRICE * (longer - 1.0) + elastic.cost)
     problem.set_initial(states, guess.state.T)
     problem.set_initial(legs_s, nominal)
+    problem.set_initial(longer, 1.0)
     if progress is not None:
         problem.callback(progress)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
