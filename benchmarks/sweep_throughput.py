@@ -6,13 +6,15 @@ All on contact physics with truth sensing, the lab circle with different robots,
   many steps of the same models under the same wheel speeds;
 - runs/s of batches, their metrics and verdicts included, against one `ttwmr run` process each,
   without figures and recording;
-- time and memory per finished run, of whom metrics and verdict are kept, as runs add up;
+- time and memory per finished run, of whom metrics and verdict are kept, as runs add up; ratios of
+  time are of times over that of a fixed piece of work beside them, as the machine's speed changes;
 - a work-precision diagram of contact physics itself (`work_precision`).
 
 The contenders alternate in one process; medians are quoted. Wall time is what counts, CPU time
 tells what a busy machine did to it. Run it as
 
-    python benchmarks/sweep_throughput.py [--quick] [--figure docs/images/work_precision.png]
+    python benchmarks/sweep_throughput.py [--quick] [--adding-up]
+                                          [--figure docs/images/work_precision.png]
 
 The last line is JSON.
 """
@@ -37,6 +39,7 @@ import numpy as np
 from mujoco.rollout import Rollout
 from work_precision import draw, measured
 
+from ttwmr_mj.assets import models_folder
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.metrics import metrics_of
@@ -189,11 +192,12 @@ def as_runs_add_up(sizes: Sizes) -> dict[str, object]:
     """Memory and cost per finished run, few of them and many."""
     scenarios = parameter_sets(sizes.batch, sizes.short_s)
     kept = [summed_up(scenarios)]  # what loads and grows once has done so
-    costs, memory = [], [resident_bytes()]
+    costs, relative, memory = [], [], [resident_bytes()]
+    work = yardstick()
     while len(kept) * sizes.batch < sizes.many + sizes.batch:
-        began = process_time()
-        kept.append(summed_up(scenarios))
-        costs.append((process_time() - began) / sizes.batch)
+        before = timed(work).cpu
+        costs.append(timed(lambda: kept.append(summed_up(scenarios))).cpu / sizes.batch)
+        relative.append(costs[-1] / (before + timed(work).cpu))
         memory.append(resident_bytes())
     few, first = sizes.few // sizes.batch, max(1, sizes.few // sizes.batch // 10)
     return {
@@ -205,7 +209,24 @@ def as_runs_add_up(sizes: Sizes) -> dict[str, object]:
         "cpu_ms_per_run_first": 1e3 * median(costs[:first]),
         "cpu_ms_per_run_few": 1e3 * median(costs[:few]),
         "cpu_ms_per_run_last": 1e3 * median(costs[-few:]),
+        "few_over_first": median(relative[:few]) / median(relative[:first]),
+        "last_over_few": median(relative[-few:]) / median(relative[:few]),
     }
+
+
+def yardstick() -> Callable[[], object]:
+    """Work that is always the same, half of it physics: how fast the machine is just now."""
+    model = mujoco.MjModel.from_xml_path(str(models_folder() / "ttwmr.xml"))
+    data = mujoco.MjData(model)
+
+    def work() -> None:
+        mujoco.mj_resetData(model, data)
+        mujoco.mj_step(model, data, nstep=2000)
+        row = np.zeros(8)
+        for _ in range(20_000):
+            row = row + 1.0
+
+    return work
 
 
 def resident_bytes() -> int:
@@ -224,8 +245,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--quick", action="store_true", help="a little of everything")
     parser.add_argument("--figure", type=Path, help="where to draw the work-precision diagram")
+    parser.add_argument("--adding-up", action="store_true", help="only time and memory per run")
     given = parser.parse_args()
     sizes = QUICK if given.quick else FULL
+    if given.adding_up:
+        print(json.dumps({"benchmark": "sweep_throughput", "adding_up": as_runs_add_up(sizes)}))
+        return
     settings = measured(quick=given.quick)
     if given.figure:
         draw(settings, given.figure)
