@@ -32,9 +32,10 @@ def estimate(q: np.ndarray, status: str = "tracking") -> SimpleNamespace:
 def read(tmp_path_factory: pytest.TempPathFactory) -> Recording:
     """Three control periods, of which the second brings a frame."""
     path: Path = tmp_path_factory.mktemp("camera") / "run.rrd"
-    image = np.zeros((8, 8, 3), np.uint8)
-    image[:, 4:] = 255
-    frame, truth = SimpleNamespace(image=image), SimpleNamespace(centres_px=TRUE)
+    image = np.zeros((16, 16, 3), np.uint8)
+    image[:, 8:] = 255
+    image[1::2] = image[:, 1::2] = 128  # left out
+    frame, truth = SimpleNamespace(pixels=image), SimpleNamespace(centres_px=TRUE)
     sighting = SimpleNamespace(found_px=FOUND, predicted_px=LOOKED_FOR, search_px=2.5)
     nothing = dict.fromkeys(("frame", "truth", "sighting"))
     seen = {"frame": frame, "truth": truth, "sighting": sighting}
@@ -63,11 +64,18 @@ HALF_S, ONE_S = 500_000_000, 1_000_000_000
 
 
 def test_the_picture_is_the_frame(read: Recording) -> None:
-    ((time_ns, (blob,)),) = read.entities["/camera/picture"]["EncodedImage:blob"]
+    ((time_ns, (blob,)),) = read.entities["/camera/picture/frame"]["EncodedImage:blob"]
     picture = cv2.imdecode(np.array(blob, dtype=np.uint8), cv2.IMREAD_COLOR)
     assert time_ns == HALF_S
     assert picture.shape == (8, 8, 3)
     assert picture[:, :3].max() < 64 < 192 < picture[:, 5:].min()
+    # its first pixel is the camera's first, its eighth the camera's fifteenth
+    entity = read.entities["/camera/picture/frame"]
+    ((_, (shift,)),) = entity["Transform3D:translation"]
+    ((_, (scale,)),) = entity["Transform3D:scale"]
+    for kept, pixel in ((0, 0), (7, 14)):
+        # pictures begin at their first pixel's edge, half a pixel before its middle
+        np.testing.assert_allclose(shift[:2] + np.array(scale[:2]) * (kept + 0.5), pixel + 0.5)
 
 
 def test_labels_are_where_they_were_found_and_are(read: Recording) -> None:

@@ -12,7 +12,7 @@ from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
-from ttwmr_mj.vision.camera.noise import SensorNoise
+from ttwmr_mj.vision.camera.noise import SensorNoise, thinned
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Delivery, Noise, Window
 from ttwmr_mj.vision.camera.posture import Posture
 from ttwmr_mj.vision.camera.region import Region
@@ -123,6 +123,14 @@ def test_every_row_has_noise_and_new_noise_in_every_frame() -> None:
     assert first.std(axis=(1, 2)) == pytest.approx(np.full(75, 7.65), rel=0.12)
     assert np.abs(np.corrcoef(first.ravel(), second.ravel())[0, 1]) < 0.05
     assert np.array_equal(light, np.full_like(light, 128))
+
+
+@pytest.mark.parametrize("step", [1, 2, 3, 5])  # 75 rows: 2 leaves one over, 3 and 5 none
+def test_a_thinned_picture_has_the_pixels_of_the_whole_one(step: int) -> None:
+    light = np.random.default_rng(3).integers(0, 255, (75, 200, 3), dtype=np.uint8)
+    sensor = SensorNoise(Noise(read_noise=0.02), 200, 75, np.random.default_rng(0))
+    for pixels in (sensor.read(light, 0.0), light):
+        np.testing.assert_array_equal(thinned(pixels, step), pixels[:][::step, ::step])
 
 
 @pytest.mark.parametrize(

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord
 
+PICTURE_STEP_PX = 2  # 320 × 240 pixels of 640 × 480: about as many as its place on the screen
 PACE_LOOKS = {"kept": ("kept", style.IDLE), "behind": ("behind the clock", style.ALERT)}
 
 
@@ -145,7 +146,7 @@ class RunRecorder(RrdFile):
         if self._camera is None:
             from ttwmr_mj.recording.camera_view import CameraView
 
-            self._camera = CameraView(self._stream, camera, layout)
+            self._camera = CameraView(self._stream, camera, layout, step_px=PICTURE_STEP_PX)
         self._camera.append(records)
         self.flush()
 

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.sensor import CameraSensor
 
 LONG_S = 120.0  # runs beyond it are recorded without a table of contents, which takes memory
-# of a camera, one in this many is shown, 10 a second: encoding all 30 takes a fifth of a run's time
+# of a camera, one in this many is shown, 10 a second, as computing and encoding them takes time
 PICTURES_EVERY = 3
 Progress = Callable[[float], None]
 

@@ -1,6 +1,6 @@
 """From light to numbers: drifting gains, shot and read noise, eight bits."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import cv2
@@ -106,3 +106,20 @@ class _Exposed:
             lit = cv2.LUT(light[strip], self.amplified)
             cv2.add(lit, noisy, dst=picture[strip], dtype=cv2.CV_8U)
         return picture
+
+
+def thinned(pixels: Pixels, step: int) -> Image:
+    """One pixel in so many of one row in so many; of a noisy picture no others are computed."""
+    if isinstance(pixels, _Exposed):
+        light, noise = _thin(pixels.light, step), _thin(pixels.noise, step)
+        return replace(pixels, light=light, noise=noise)[:]
+    return _thin(pixels[:], step)
+
+
+def _thin(picture: NDArray[Any], step: int) -> NDArray[Any]:
+    rows, columns = picture.shape[:2]
+    if rows % step or columns % step:
+        return picture[::step, ::step].copy()
+    # the same, but that OpenCV copies three colours at once and NumPy each for itself
+    size = columns // step, rows // step
+    return np.asarray(cv2.resize(picture, size, interpolation=cv2.INTER_NEAREST))
