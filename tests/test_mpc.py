@@ -108,7 +108,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     assert metrics["control_slowest_s"] == pytest.approx(0.04)
     assert json.loads((tmp_path / "metrics.json").read_text())["control_overruns"] == len(usual)
     text = details_text(metrics)
-    assert f"commands over a period, wall time | {len(usual)} |" in text
+    assert f"commands slower than the period | {len(usual)} |" in text
     assert "slowest command, wall time | 40 ms |" in text
     assert np.array_equal(Trajectory.read(tmp_path / "trajectory.parquet").q, usual.q)
 

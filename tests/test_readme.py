@@ -47,8 +47,8 @@ def test_the_examples_use_the_public_api_only() -> None:
 @pytest.mark.slow
 def test_the_complete_scenario_is_followed_by_tractor_and_trailer(tmp_path: Path) -> None:
     """1.8 and 0.8 mm, as the page says."""
-    (tmp_path / "my_circle.toml").write_text(blocks("toml")[0])
-    scenario = load_scenario(str(tmp_path / "my_circle.toml"))
+    (tmp_path / "inside_circle.toml").write_text(blocks("toml")[0])
+    scenario = load_scenario(str(tmp_path / "inside_circle.toml"))
     result = ttwmr_mj.simulate(scenario)
     (metrics,) = ttwmr_mj.score(result.trajectory, scenario.robot)
     assert result.verdicts[0].name == "followed"

@@ -128,7 +128,7 @@ def test_numbers_are_read_in_handy_units() -> None:
     assert shown["settled (1 cm) after"] == "undefined"
     assert shown["fastest wheel"] == "0.0123 rad/s"
     assert shown["saturated samples"] == "1.23 %"
-    assert shown["commands over a period, wall time"] == "3"
+    assert shown["commands slower than the period"] == "3"
     assert shown["slowest command, wall time"] == "12.3 ms"
     scenario = tt.load_scenario("lab_circle")
     assert result_text(scenario, metrics).split("\n\n") == [

@@ -99,7 +99,9 @@ def test_the_head_says_how_many_failed_and_how_sure_that_is(told: Told) -> None:
 def test_the_terminal_says_the_same(told: Told) -> None:
     count = int(told.failed.sum())
     runs, median, table, report = told.terminal
-    assert runs.endswith(f": 72 runs, {count} failed ({exact(count, 72).replace(' [', ' % [')})")
+    assert runs.endswith(
+        f": 72 runs, {count} failed: {exact(count, 72).replace(' [', ' % [')}, 95 % interval"
+    )
     ended = told.table["status"] == "ok"
     middle = 1e3 * np.median(np.where(ended, told.table[HEADLINE].astype(float), np.inf))
     assert median.startswith(f"{HEADLINE}: median {middle:.3g} mm [")

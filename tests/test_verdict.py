@@ -140,14 +140,14 @@ def test_the_tractor_comes_first_and_the_end_before_a_while() -> None:
     )
 
 
-def test_a_run_that_was_too_short_is_said_to_have_been_falling() -> None:
+def test_a_run_that_was_too_short_is_said_to_have_been_decreasing() -> None:
     rows = still()
     rows.q[80:, 0, 0] = np.linspace(0.1, 0.06, len(rows) - 80)
     assert str(verdict(rows)) == (
-        "lost: P 100 mm off and still falling in the last fifth of the run (limit 50 mm)"
+        "lost: P 100 mm off and still decreasing in the last fifth of the run (limit 50 mm)"
     )
     rows.q[80:, 0, 0] = np.linspace(0.1, 0.08, len(rows) - 80)  # a fifth is no trend
-    assert "falling" not in str(verdict(rows))
+    assert "decreasing" not in str(verdict(rows))
 
 
 def test_of_what_was_followed_the_nearest_to_its_limit_is_told() -> None:

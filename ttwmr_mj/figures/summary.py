@@ -12,7 +12,7 @@ import numpy as np
 from ttwmr_mj.figures import style
 from ttwmr_mj.figures.canvas import canvas, save
 from ttwmr_mj.figures.scales import plain_log
-from ttwmr_mj.figures.silhouettes import apart, draw_direction, draw_silhouettes
+from ttwmr_mj.figures.silhouettes import apart, draw_direction, draw_silhouettes, last_round
 from ttwmr_mj.results.curves import Curves, centre_of_oscillation, trailer_com
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -132,6 +132,7 @@ def _draw_paths(axes: Axes, run: Trajectory, curves: Curves, robot: RobotParamet
     whose = "trailer" if run.q.shape[-1] == THETA2 + 1 else "last trailer"
     axes.plot(*trailer.T, color=style.TRAILER, label=f"{whose} ({name})")
     alive = np.flatnonzero(np.isfinite(run.q[:, 0]).all(axis=1))
+    alive = alive[last_round(run.q[alive, 0, :2]) :]  # of several rounds poses would pile up
     rows = alive[np.unique(apart(run.q[alive, 0, :2], POSES))]
     draw_silhouettes(axes, run.q[rows, 0], robot)
     for row in rows[:-1]:

@@ -116,6 +116,6 @@ def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]
     tables = {key: value for key, value in data.items() if isinstance(value, dict)}
     head = [
         f"# Drives the plan in {out.name}: ttwmr run {out.with_suffix('.toml').name}",
-        "# Laws that follow it, trailer and all: tvlqr, mpc; flatness where F'' does not vanish.",
+        "# Laws that follow it, trailer and all: tvlqr, mpc; flatness unless F moves straight on.",
     ]
     return "\n".join(head) + "\n" + tomli_w.dumps(told | plain) + "\n" + tomli_w.dumps(tables)

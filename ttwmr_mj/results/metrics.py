@@ -111,7 +111,7 @@ SUMS = {
     _share: Sum("share of samples", "mean({})", "1"),
     _integral: Sum("integral over time of the", "∫ {} dt", "integral"),
     _settling_time: Sum(
-        f"time after which this stays within {SETTLED_M:g} m:",
+        f"time after which it stays within {1e3 * SETTLED_M:g} mm:",
         f"min T: {{}} ≤ {SETTLED_M:g} m for all t ≥ T",
         "s",
     ),
@@ -137,7 +137,7 @@ QUANTITIES = {
     "theta2": Quantity("error of θ2", "(θ2 − θ2_d)", "rad", "2"),
     "wheel_speed": Quantity("speed of a wheel", "(|ω_r|, |ω_l|)", "rad/s", "8-9"),
     "command_squared": Quantity(
-        "sum ω_r² + ω_l² of the commands [rad²/s]", "(ω_r² + ω_l²) commanded", "rad²/s²", "8-9"
+        "sum ω_r² + ω_l² of the commands", "(ω_r² + ω_l²) commanded", "rad²/s²", "8-9"
     ),
     "saturated": Quantity(
         "whose command was limited to the servo's range", "the command was cut", "1", "8-9"

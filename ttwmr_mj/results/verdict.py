@@ -93,7 +93,7 @@ class Error(NamedTuple):
     number: float
     limit: float
     time_s: float | None  # None: in the last fifth of the run
-    falling: bool = False  # whether a longer run might have kept the limit
+    decreasing: bool = False  # whether a longer run might have kept the limit
 
     @property
     def share(self) -> float:
@@ -104,7 +104,7 @@ class Error(NamedTuple):
         when = "in the last fifth of the run" if self.time_s is None else f"at {self.time_s:.3g} s"
         unit = self.measure.rpartition("_")[2]
         number, limit = (_amount(value, unit) for value in (self.number, self.limit))
-        more = " and still falling" if self.falling else ""
+        more = " and still decreasing" if self.decreasing else ""
         return f"{MEASURES[self.measure]} {number} off{more} {when} (limit {limit})"
 
 
@@ -232,8 +232,8 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
         k = int(share.argmax())
         yield Error(measure, float(np.nan_to_num(error)[k]), float(allowed[k]), float(time_s[k]))
         last, limit = np.nan_to_num(error[end:]), getattr(accept, f"end_{measure}")
-        falling = bool(limit < last.max() and last[-1] < FALLEN * last[0])
-        yield Error(measure, float(last.max()), limit, None, falling)
+        decreasing = bool(limit < last.max() and last[-1] < FALLEN * last[0])
+        yield Error(measure, float(last.max()), limit, None, decreasing)
 
 
 def _allowed(

@@ -12,7 +12,7 @@ from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
 from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.build import initial_state, sample_reference
 from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
@@ -26,19 +26,36 @@ OF_THE_TRAILER = (
 def foreseen(scenario: Scenario) -> list[Fault]:
     """What this robot cannot do of what the reference asks, longer than for a moment."""
     reference = sample_reference(scenario)
+    overlapping = _overlapping(scenario, reference)
     if reference is None:
-        return []
+        return overlapping
     until_end = reference.until(scenario.periods + 1)
     asked = _demands(scenario, until_end)
-    return [
-        demand.fault(float(until_end.time_s[-1]), _hint(scenario, until_end, demand))
-        for demand in asked.broken
-    ]
+    end_s = float(until_end.time_s[-1])
+    broken = [d.fault(end_s, _hint(scenario, until_end, d)) for d in asked.broken]
+    return [*overlapping, *broken]
 
 
 def foretold(scenario: Scenario) -> list[str]:
     """The same in a line each."""
     return [f"{scenario.name}: {fault}" for fault in foreseen(scenario)]
+
+
+def _overlapping(scenario: Scenario, reference: ReferencePath | None) -> list[Fault]:
+    """Bodies of a train that overlap where it starts: contact physics throws them apart."""
+    if len(scenario.robot.trailers) == 1 or scenario.plant.kind != "contact":
+        return []
+    from ttwmr_mj.plants.overlap import overlaps_m
+
+    q = initial_state(scenario, reference).q
+    return [
+        Fault(
+            key=("robot", "trailers"),
+            problem=f"{one} and {other} overlap by {1e3 * depth_m:.2g} mm where they start",
+            hint="with a larger next_hitch_offset_m, or on other sides, they have room",
+        )
+        for (one, other), depth_m in overlaps_m(scenario.robot, scenario.plant.contact, q).items()
+    ]
 
 
 def _demands(scenario: Scenario, reference: ReferencePath) -> Feasibility:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, argument, option
@@ -34,6 +35,8 @@ class New(Subcommand, name="new"):
         print(f"check it: ttwmr validate {scenario}\nrun it: ttwmr run {scenario}")
         if self.controller:
             print(f"test it: python -m pytest {self.out / list(files)[-1]}")
+            if find_spec("pytest") is None:
+                print("first, for that: pip install pytest")
         return 0
 
     def _write(self, files: dict[str, str]) -> None:

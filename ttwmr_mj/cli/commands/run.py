@@ -88,8 +88,8 @@ def _print_run(run: "execute.Run") -> None:
     )
     print(results_table(run.metrics))
     speed = f"{run.metrics['real_time_factor']:.3g} ×"
-    label = "simulated by time, waits left out" if run.pace else "simulated by wall time"
+    label = "speed, of real time, waits aside" if run.pace else "speed, of real time"
     print(f"{label:33s} {speed:>12s}  real_time_factor")
     if run.pace:
-        print(f"{'pace':33s} {run.pace:>12s}")
+        print(run.pace)
     print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class Validate(Overrides, name="validate"):
-    """Check scenario files; of valid ones with a shipped law nothing is printed."""
+    """Check scenario files; says "valid" of each that is."""
 
     scenarios: tuple[str, ...] = argument(SCENARIO)
     run_code: bool = option(
@@ -55,8 +55,9 @@ class Validate(Overrides, name="validate"):
         faults = law_faults(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
-        target = getattr(scenario.controller, "target", "")
-        if scenario.controller.kind == "custom" and not self.run_code:
-            print(f"{printable(name)}: {target} was read, not run; --load imports and starts it")
-        elif scenario.controller.kind == "custom":
-            print(f"{printable(name)}: {target} was imported and started")
+        law = ""
+        if scenario.controller.kind == "custom":
+            read = "read, not run; --load imports and starts it"
+            done = "imported and started" if self.run_code else read
+            law = f" ({getattr(scenario.controller, 'target', '')} was {done})"
+        print(f"{printable(name)}: valid{law}")

@@ -51,8 +51,9 @@ class FlatReference(Reference):
         """Sides for other trailers, or trailers that are not flat."""
         count, faults = len(robot.trailers), []
         if not isinstance(self.side, str) and len(self.side) != count:
-            allowed = f"one for all, or one for each of the {count} trailers"
-            faults.append(Fault(key=("side",), got=str(len(self.side)), allowed=allowed))
+            allowed = f"one word for all trailers, or a list of {count}"
+            got = f"a list of {len(self.side)} for {count} trailers"
+            faults.append(Fault(key=("side",), got=got, allowed=allowed))
         if self.needs_flat and not is_flat(robot):
             problem = (
                 "several trailers follow it only where each tows the next at its own centre of "

@@ -60,7 +60,9 @@ def write_report(folder: Path) -> str:
 
 def _told(sweep: Sweep, findings: Findings, folder: Path) -> str:
     whole = findings.whole
-    runs = f"{len(sweep)} runs, {whole.failed} failed ({said_percent(whole.failures)})"
+    runs = (
+        f"{len(sweep)} runs, {whole.failed} failed: {said_percent(whole.failures)}, 95 % interval"
+    )
     lines = [f"{sweep.plan['name']}: {runs}"]
     if sweep.headline:
         lines.append(f"{sweep.headline}: median {Shown.of(sweep.headline).said(whole.median)}")
