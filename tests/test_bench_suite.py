@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.controllers.lyapunov import LyapunovOptions
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.schema import Scenario
@@ -178,6 +179,31 @@ def test_a_tasks_scenario_is_looked_for_beside_the_suite_first(tmp_path: Path) -
     assert [row.scenario for row in rows] == [str(tmp_path / "mine.toml"), "lab_circle"]
 
 
+def test_suites_larger_than_any_memory_are_counted_and_not_made(tmp_path: Path) -> None:
+    names = range(300)
+    text = 'name = "a"\n' + "".join(
+        f"[controller.c{i}]\n[plant.p{i}]\n[sensing.s{i}]\n[task.t{i}]\nscenario = 'lab_circle'\n"
+        for i in names
+    )
+    (tmp_path / "suite.toml").write_text(text)
+    with pytest.raises(InputError, match="got 8100000000 rows"):
+        load_suite(str(tmp_path / "suite.toml"))
+
+
+def test_as_many_rows_as_asked_and_no_folder_of_a_suite_that_cannot_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["bench", "quick", "--out", str(tmp_path / "out")]
+    assert main([*words, "--max-rows", "31"]) == 2
+    assert "got 32 rows; allowed: at most 31" in capsys.readouterr().err
+    (tmp_path / "bad.toml").write_text(
+        'name = "bad"\n[controller.x]\noverrides = ["seeds=1"]\n[task.y]\nscenario = "lab_circle"\n'
+    )
+    assert main(["bench", str(tmp_path / "bad.toml"), *words[2:]]) == 2
+    assert "1 row cannot run" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
@@ -200,6 +226,21 @@ def test_a_tasks_scenario_is_looked_for_beside_the_suite_first(tmp_path: Path) -
             "2 errors\n  controller.x.when: got 'z'.*\n  controller.x.not_meant_for: got 'zz'",
         ),
         ('name = "a"\n[controller.x]\nscored = "half"\n', "scored: got 'half'; allowed: 'steady'"),
+        ('name = "a"\n[controller.X]\n[task.y]\n', r"controller.X: got 'X'; allowed: .*\^\[a-z"),
+        (
+            'name = "a"\n[controller.x]\nskip = ["y"]\n[task.y]\nscenario = "lab_circle"\n',
+            "block: no row is left: `skip` leaves all",
+        ),
+        (
+            f'name = "a"\nseeds = {list(range(5001))}\n[controller.x]\n[controller.z]\n'
+            '[task.y]\nscenario = "lab_circle"\n',
+            "block: got 10002 rows; allowed: at most 10000; .*--max-rows",
+        ),
+        (
+            f'name = "a"\n[controller.{"x" * 64}]\n[task.{"y" * 64}]\nscenario = "lab_circle"\n'
+            f"[plant.{'p' * 64}]\n[sensing.{'s' * 64}]\n",
+            "block: got 'xxx.*; allowed: names of choices that together have 255 letters",
+        ),
     ],
 )
 def test_wrong_suites_are_refused(text: str, expected: str, tmp_path: Path) -> None:

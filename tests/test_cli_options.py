@@ -102,8 +102,8 @@ EVERYTHING = {
         **OVERRIDES,
         **FOLDER,
     ),
-    "bench s.toml --out o --rescore --workers 2 --quiet --debug": Bench(
-        suite="s.toml", out=Path("o"), rescore=True, workers=2, quiet=True, debug=True
+    "bench s.toml --out o --rescore --workers 2 --max-rows 9 --quiet --debug": Bench(
+        suite="s.toml", out=Path("o"), rescore=True, workers=2, max_rows=9, quiet=True, debug=True
     ),
     f"calibrate c {SHARED} --images i --board b.png --out c.yaml --debug": Calibrate(
         scenario="c",

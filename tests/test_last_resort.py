@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -165,3 +166,45 @@ def test_a_law_without_gains_says_so(tmp_path: Path) -> None:
     ended = shell(f"ttwmr run double_inverted {words}", tmp_path)
     assert ended.returncode == 1
     assert "controller.start() found no gains for these numbers of robot and ref" in ended.stderr
+
+
+ENDING = """
+import os, signal, sys
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.cli.commands import {command}
+
+def rings(number, then=0):
+    os.kill(os.getpid(), number)
+    return then
+
+{command}.{kind}.__call__ = {call}
+sys.argv[1:] = {words}
+if {late}:
+    import atexit
+    atexit.register(rings, {late})
+sys.exit(main())
+"""
+IN_TEXT = "lambda self: exec('import os; os.kill(os.getpid(), 2)')"
+
+
+@pytest.mark.parametrize(
+    ("call", "late", "code"),
+    [
+        (IN_TEXT, "0", 1),  # where dataclasses are made
+        ("lambda self: 0", "signal.SIGTERM", 0),
+        ("lambda self: 0", "signal.SIGINT", 0),
+        ("lambda self: rings(signal.SIGTERM)", "signal.SIGTERM", 1),
+    ],
+)
+def test_a_signal_anywhere_ends_with_the_exit_code_of_what_was_done(
+    call: str, late: str, code: int
+) -> None:
+    program = ENDING.format(command="doctor", kind="Doctor", call=call, late=late, words=["doctor"])
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (done.returncode, done.stderr) == (code, "ttwmr: stopped\n" if code else "")

@@ -104,6 +104,22 @@ def test_a_run_that_came_to_nothing_leaves_the_folder_as_it_was(
         }
 
 
+def test_a_recording_without_a_row_replaces_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = a_run(tmp_path)
+
+    def stopped(*_: object) -> None:
+        (tmp_path / "run.rrd").touch()  # a recorder does, before there is anything to record
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ttwmr_mj.runs.laws.Laws.start", stopped)
+    words = ["--out", str(tmp_path), "--force", "--quiet", "--set", "output.recording=false"]
+    assert main(["run", "lab_circle", *words]) == 1
+    assert capsys.readouterr().err == "ttwmr: stopped; nothing was recorded\n"
+    assert files(tmp_path) == before
+
+
 def test_a_lock_ends_with_its_process_however_that_ends(tmp_path: Path) -> None:
     holder = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdout=subprocess.PIPE)
     assert holder.stdout is not None

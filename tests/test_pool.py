@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import subprocess
+import sys
 import time
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
@@ -137,6 +141,33 @@ def test_closing_the_events_kills_what_is_under_way(tmp_path: Path) -> None:
             time.sleep(0.02)
     wait_until_gone([int(pid) for pid in pids.read_text().split()])
     assert not (tmp_path / "never").exists()
+
+
+@pytest.mark.slow
+def test_ctrl_c_of_a_terminal_does_not_reach_the_server_while_it_imports(tmp_path: Path) -> None:
+    (tmp_path / "slow_import.py").write_text(
+        "import os, signal\nos.kill(os.getpid(), signal.SIGINT)\nopen('told', 'a').write('up ')\n"
+    )
+    code = (
+        "import signal, slow_jobs\n"
+        "from ttwmr_mj.studies.pool.jobs import Job, run_jobs\n"
+        "events = list(run_jobs([Job('one', slow_jobs.ring)], preload=['slow_import']))\n"
+        "print(events[0].result)"
+    )
+    (tmp_path / "slow_jobs.py").write_text(
+        "import signal\ndef ring():\n    return signal.pthread_sigmask(signal.SIG_BLOCK, [])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(tmp_path), *sys.path])},
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (done.stdout, done.stderr) == ("set()\n", "")  # and a job hears it again
+    assert (tmp_path / "told").read_text() == "up "  # once, by the server
 
 
 def test_what_a_job_prints_is_not_for_the_terminal(capfd: pytest.CaptureFixture[str]) -> None:

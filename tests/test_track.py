@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +19,8 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.vision import footage
+from ttwmr_mj.vision.camera.frame import Image
 
 CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
 RATE_HZ = 1.0 / 0.033
@@ -98,6 +102,37 @@ def test_the_frames_that_a_run_keeps_are_tracked_at_their_times(tmp_path: Path) 
     np.testing.assert_allclose(times, np.arange(30) / 30.0, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("stopped_at", "told", "left"),
+    [
+        (0, "stopped; nothing was recorded", set()),
+        (40, "stopped; what was recorded is in out", {"poses.parquet", "track.rrd"}),
+    ],
+)
+def test_a_source_that_is_not_tracked_to_its_end_is_no_success(
+    stopped_at: int,
+    told: str,
+    left: set[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for i in range(50):
+        cv2.imwrite(str(tmp_path / f"{i:02d}.png"), np.zeros((480, 640, 3), np.uint8))
+    read, count = footage.read_picture, itertools.count()
+
+    def stopping(path: Path) -> Image:
+        if next(count) == stopped_at:
+            raise KeyboardInterrupt
+        return read(path)
+
+    monkeypatch.setattr("ttwmr_mj.vision.footage.read_picture", stopping)
+    assert main(["track", ".", "--calibration", str(CALIBRATION), "--out", "out", "--quiet"]) == 1
+    assert capsys.readouterr().err == f"ttwmr: {told}\n"
+    assert {path.name for path in tmp_path.glob("out/*")} == left
+
+
 @pytest.mark.slow
 def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
     done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
@@ -122,10 +157,13 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     [
         ("", ["track", "no.avi", "--calibration", "CAL"], "no.avi: no such video file"),
         ("torn.avi", ["track", "torn.avi", "--calibration", "CAL"], "torn.avi: "),
-        ("", ["track", ".", "--calibration", "CAL"], "no frame could be read"),
-        ("away.json", ["track", "frames", "--calibration", "CAL"], "annotations.json: is not what"),
-        ("late.json", ["track", "frames", "--calibration", "CAL"], "annotations.json: is not what"),
-        ("gone.json", ["track", "frames", "--calibration", "CAL"], "1.png: cannot be read as an"),
+        ("", ["track", ".", "--calibration", "CAL"], "no picture in this folder; allowed: .png"),
+        ("away.json", ["track", "frames", "--calibration", "CAL"], "images.0.file_name: it is not"),
+        ("late.json", ["track", "frames", "--calibration", "CAL"], "images.0.time_s: it is not"),
+        ("same.json", ["track", "frames", "--calibration", "CAL"], "1.png and 2.png are both at"),
+        ("no.json", ["track", "frames", "--calibration", "CAL"], "it is no file, or larger than"),
+        ("gone.json", ["track", "frames", "--calibration", "CAL"], "1.png: no picture file of"),
+        ("pipe.png", ["track", "frames", "--calibration", "CAL"], "1.png: no picture file of"),
         ("small.png", ["track", "frames", "--calibration", "CAL"], "1.png: got 320×240 px"),
         ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "got 320×240 px"),
         ("bad.yaml", ["track", "small.avi", "--calibration", "bad.yaml"], "bad.yaml: "),
@@ -151,17 +189,23 @@ def test_bad_input_is_exit_code_2_with_what_to_do(
 
 
 LISTED = {
-    "away.json": {"file_name": "../1.png", "time_s": 0.0},
-    "late.json": {"file_name": "1.png", "time_s": 1e7},
-    "gone.json": {"file_name": "1.png", "time_s": 0.0},
+    "away.json": [{"file_name": "../1.png", "time_s": 0.0}],
+    "late.json": [{"file_name": "1.png", "time_s": 1e7}],
+    "same.json": [{"file_name": f"{i}.png", "time_s": 0.5} for i in (1, 2)],
+    "gone.json": [{"file_name": "1.png", "time_s": 0.0}],
 }
 
 
 def _make(name: str, folder: Path) -> None:
     if name in LISTED:
         (folder / "frames").mkdir()
-        listed = json.dumps({"images": [LISTED[name]]})
+        listed = json.dumps({"images": LISTED[name]})
         (folder / "frames" / "annotations.json").write_text(listed)
+    if name == "no.json":
+        (folder / "frames" / "annotations.json").mkdir(parents=True)
+    if name == "pipe.png":
+        (folder / "frames").mkdir()
+        os.mkfifo(folder / "frames" / "1.png")
     if name == "small.png":
         (folder / "frames").mkdir()
         cv2.imwrite(str(folder / "frames" / "1.png"), np.zeros((240, 320, 3), np.uint8))

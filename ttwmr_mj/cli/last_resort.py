@@ -71,6 +71,9 @@ def close_streams(code: int) -> int:
         _discard(1)
         say(f"cannot write the output: {error.strerror or error}")
         code = code or FAILED
+    # Ctrl-C in code from text, which dataclasses are made of, is remembered by the interpreter: it
+    # would end as if killed. With the next such code it forgets
+    exec("")
     at_close(code)
     return code
 

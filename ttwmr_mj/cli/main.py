@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
+from ttwmr_mj.runs.signals import WAITING
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -30,12 +31,12 @@ def main(words: Sequence[str] | None = None) -> int:
     last_resort.open_streams()
     debug, supervisor.own_process = False, words is None
     try:
-        words = last_resort.readable(sys.argv[1:] if words is None else words)
-        subcommand = parse(words)
-        debug = subcommand.debug
-        if supervisor.own_process and not debug and not sys.warnoptions:
-            warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell of
         with _ended_like_ctrl_c():
+            words = last_resort.readable(sys.argv[1:] if words is None else words)
+            subcommand = parse(words)
+            debug = subcommand.debug
+            if supervisor.own_process and not debug and not sys.warnoptions:
+                warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell
             return last_resort.close_streams(subcommand())
     except SystemExit as end:  # of argparse, with its help or its error told
         code = end.code if isinstance(end.code, int) else last_resort.FAILED
@@ -82,7 +83,11 @@ def _like(word: str, known: list[str]) -> str:
 
 @contextmanager
 def _ended_like_ctrl_c() -> Iterator[None]:
-    """While the context lasts SIGTERM ends a command like Ctrl-C, so that its files are closed."""
+    """While the context lasts SIGTERM ends a command like Ctrl-C, so that its files are closed.
+
+    In a process of the command's own neither comes afterwards: what there is to keep is kept, and
+    its last words and the interpreter's end are not to be broken off.
+    """
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
         return
@@ -90,7 +95,11 @@ def _ended_like_ctrl_c() -> Iterator[None]:
     try:
         yield
     finally:
-        signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
+        if supervisor.own_process:
+            for signum in WAITING:
+                signal.signal(signum, signal.SIG_IGN)
+        else:
+            signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
 
 
 def _interrupt(signum: int, frame: Any) -> NoReturn:

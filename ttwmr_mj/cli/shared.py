@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -119,6 +120,26 @@ class Live(Quiet):
         from ttwmr_mj.cli.viewing import viewing
 
         return viewing(self.live)
+
+
+@contextmanager
+def kept_in(folder: Path, what: Callable[[], str]) -> Iterator[None]:
+    """A study that goes on where it was stopped: Ctrl-C says so.
+
+    Args:
+        folder: of the study; named in the command that goes on.
+        what: tells what is kept.
+
+    Raises:
+        RunError: it was stopped.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        words = command_line()
+        chosen = any(word == "--out" or word.startswith("--out=") for word in words)
+        again = shlex.join(words if chosen else [*words, "--out", str(folder)])
+        raise RunError(f"stopped; {what()} in {folder}. To go on: {again}") from None
 
 
 def warn(lines: list[str]) -> None:

@@ -54,7 +54,7 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
             problem = f"unknown key{_meant(keys, table, root)}"
             hint = _of_another_kind(keys, error["loc"], root)
             return Fault(key=keys, problem=problem, allowed=", ".join(known), hint=hint)
-        case "string_pattern_mismatch" if "description" in value:
+        case "string_pattern_mismatch" if "description" in value and error["loc"][-1] != "[key]":
             told = value["description"]  # of what it is, and then of what it may hold
             return Fault(key=keys, got=shown(got), allowed=told.partition(": ")[2] or told)
         case "missing":

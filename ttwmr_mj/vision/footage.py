@@ -2,18 +2,18 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count
+from itertools import count, pairwise
 from pathlib import Path
 from typing import Annotated
 
 import cv2
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import BaseModel, FailFast, Field, ValidationError
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.pictures import picture_files, read_picture
+from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture
 from ttwmr_mj.vision.quiet import quiet
 
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
@@ -32,7 +32,7 @@ class _Picture(BaseModel):
 class _Annotations(BaseModel):
     """The part of a COCO data set that is needed."""
 
-    images: list[_Picture]
+    images: Annotated[list[_Picture], FailFast()]  # of a damaged one not a million faults
 
 
 @contextmanager
@@ -99,11 +99,14 @@ def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
 def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:
     """A folder's pictures, each at its time."""
     annotations = folder / "annotations.json"
-    if annotations.is_file():
+    if annotations.exists():
         listed = _read_annotations(annotations)
         timed = [(folder / "images" / picture.file_name, picture.time_s) for picture in listed]
     else:
         timed = [(path, i / DEFAULT_RATE_HZ) for i, path in enumerate(picture_files(folder))]
+        if not timed:
+            empty = Fault(problem="no picture in this folder", allowed=", ".join(SUFFIXES))
+            raise InputError(empty, file=str(folder))
     for path, time_s in timed:
         image = read_picture(path)
         _refuse_unlike(image.shape[1], image.shape[0], camera, str(path))
@@ -111,16 +114,33 @@ def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:
 
 
 def _read_annotations(path: Path) -> list[_Picture]:
-    """What is said of the pictures, in the order of their times."""
+    """What is said of the pictures, in the order of their times.
+
+    Raises:
+        InputError: it is none of ours, or two pictures have the same time.
+    """
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise ValueError("too large")
+        if not path.is_file() or path.stat().st_size > MOST_BYTES:
+            raise ValueError(f"it is no file, or larger than {MOST_BYTES:,} bytes")
         listed = _Annotations.model_validate_json(path.read_bytes()).images
-    except (ValidationError, ValueError, OSError) as error:
-        unlike = Fault(
-            problem="is not what `ttwmr run --save-frames` writes: images, each with file_name "
-            "and time_s",
-            hint="remove the file; the pictures are then taken by name, 30 a second",
-        )
-        raise InputError(unlike, file=str(path)) from error
-    return sorted(listed, key=lambda picture: picture.time_s)
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise _none_of_ours(path, first["msg"], first["loc"]) from error
+    except (ValueError, OSError) as error:
+        raise _none_of_ours(path, str(error)) from error
+    listed.sort(key=lambda picture: picture.time_s)
+    for one, other in pairwise(listed):
+        if not other.time_s - one.time_s >= 1.0 / MOST_RATE_HZ:
+            same = f"{one.file_name} and {other.file_name} are both at {one.time_s:g} s"
+            raise _none_of_ours(path, same, ("images", "time_s"))
+    return listed
+
+
+def _none_of_ours(path: Path, problem: str, key: Keys = ()) -> InputError:
+    unlike = Fault(
+        key=key,
+        problem=f"it is not what `ttwmr run --save-frames` writes, images with a file_name and a "
+        f"time_s each: {problem}",
+        hint="remove the file; the pictures are then taken by name, 30 a second",
+    )
+    return InputError(unlike, file=str(path))

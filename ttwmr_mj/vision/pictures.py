@@ -27,6 +27,8 @@ def read_picture(path: Path) -> Image:
     Raises:
         InputError: it is missing, or cannot be read as a picture of reasonable size.
     """
+    if not path.is_file():  # a pipe would never end
+        raise InputError(Fault(problem="no picture file of this name"), file=str(path))
     image = _read(path)
     if image is None:
         unreadable = Fault(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet, command_line, warn
+from ttwmr_mj.cli.shared import Quiet, kept_in, warn
 from ttwmr_mj.errors import RunError
 
 if TYPE_CHECKING:
@@ -25,27 +24,32 @@ class Bench(Quiet, name="bench"):
     workers: int | None = option(
         "processes at a time; default: one per processor", metavar="N", least=1
     )
+    max_rows: int = option("refuse larger suites", 10_000, metavar="N", least=1)
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.folder import results_folder
-        from ttwmr_mj.runs.new_folder import make_folder
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
         from ttwmr_mj.studies.bench.scoring import collect, told_damaged
         from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
-        suite = load_suite(self.suite)
+        suite = load_suite(self.suite, self.max_rows)
         folder = self.out or results_folder("bench", suite.name)
+        count = len(rows_of(suite))
         not_run: dict[str, str] = {}
-        if not self.rescore:
-            make_folder(folder)
-            not_run = self._run(suite, folder)
-            if len(not_run) == len(rows_of(suite)):
-                raise RunError(_told(not_run))
-        board = collect(suite, folder)
-        title = f"{suite.name}: {suite.description}" if suite.description else suite.name
-        write_leaderboard(board, folder, title)
-        write_page(board, folder, title)
+
+        def kept() -> str:
+            return f"{len(list(folder.glob('runs/*/row.json')))} of {count} runs are kept"
+
+        with kept_in(folder, kept):
+            if not self.rescore:
+                not_run = self._run(suite, folder)
+                if len(not_run) == count:
+                    raise RunError(_told(not_run))
+            board = collect(suite, folder)
+            title = f"{suite.name}: {suite.description}" if suite.description else suite.name
+            write_leaderboard(board, folder, title)
+            write_page(board, folder, title)
         print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
         if not_run:
             raise RunError(_told(not_run))
@@ -54,31 +58,14 @@ class Bench(Quiet, name="bench"):
         return 0
 
     def _run(self, suite: Suite, folder: Path) -> dict[str, str]:
-        """Run what is missing; rows that were not, and why.
-
-        Raises:
-            RunError: the user stopped it; says what is kept.
-        """
+        """Run what is missing; rows that were not, and why."""
         from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.studies.bench.execute import run_suite
         from ttwmr_mj.studies.bench.suite import rows_of
 
         count, told = len(rows_of(suite)), None if self.quiet else warn
-        try:
-            with progress_bar(suite.name, count, "runs", self.quiet) as progress:
-                return run_suite(suite, folder, workers=self.workers, progress=progress, told=told)
-        except KeyboardInterrupt:
-            done = len(list(folder.glob("runs/*/row.json")))
-            again = shlex.join(_with_out(command_line(), folder))
-            raise RunError(
-                f"stopped; {done} of {count} runs are kept in {folder}. To go on: {again}"
-            ) from None
-
-
-def _with_out(words: list[str], folder: Path) -> list[str]:
-    """The command, with the folder that it chose by itself."""
-    chosen = any(word == "--out" or word.startswith("--out=") for word in words)
-    return words if chosen else [*words, "--out", str(folder)]
+        with progress_bar(suite.name, count, "runs", self.quiet) as progress:
+            return run_suite(suite, folder, workers=self.workers, progress=progress, told=told)
 
 
 def _told(not_run: dict[str, str]) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ttwmr_mj.cli.engine import option
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.cli.shared import Quiet, kept_in
 
 
 class Reproduce(Quiet, name="reproduce"):
@@ -20,7 +20,8 @@ class Reproduce(Quiet, name="reproduce"):
     def __call__(self) -> int:
         from ttwmr_mj.studies.reproduce.study import reproduce, verdict_table
 
-        done = reproduce(self.out, list(self.only), quiet=self.quiet)
+        with kept_in(self.out, lambda: "what is done is kept"):
+            done = reproduce(self.out, list(self.only), quiet=self.quiet)
         text = f"{verdict_table(done.judgements)}\n\nreport: {done.report}".lstrip()
         print(done.report if self.quiet else text)
         for name, reason in done.failures.items():

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import os
-import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet, command_line, warn
+from ttwmr_mj.cli.shared import Quiet, kept_in, warn
 from ttwmr_mj.errors import InputError, RunError, printable
 
 if TYPE_CHECKING:
@@ -65,12 +64,13 @@ class Sweep(Quiet, name="sweep"):
                 return 0
             folder = self._folder(plan)
             self._open(plan, folder)
-        complete = self._fill(plan, folder, part)
-        if wish and not complete:
-            raise RunError("rows are recorded once all are there; join the parts first")
-        if wish:
-            self._record(plan, folder, wish)
-        self._conclude(plan, folder, part, complete)
+        with kept_in(folder, lambda: "what is done is kept"):
+            complete = self._fill(plan, folder, part)
+            if wish and not complete:
+                raise RunError("rows are recorded once all are there; join the parts first")
+            if wish:
+                self._record(plan, folder, wish)
+            self._conclude(plan, folder, part, complete)
         return 0
 
     def _plan(self) -> Plan:
@@ -153,17 +153,9 @@ class Sweep(Quiet, name="sweep"):
         from ttwmr_mj.studies.sweep.progress import sweep_progress
 
         start, stop = part.rows(plan)
-        try:
-            with sweep_progress(plan.name, stop - start, self.quiet) as told:
-                compute = self._compute()
-                return fill(
-                    plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn
-                )
-        except KeyboardInterrupt:
-            again = shlex.join(command_line())
-            raise RunError(
-                f"stopped; what is done is kept in {folder}. To go on: {again}"
-            ) from None
+        with sweep_progress(plan.name, stop - start, self.quiet) as told:
+            compute = self._compute()
+            return fill(plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn)
 
     def _compute(self) -> Compute:
         if self.scheduler:

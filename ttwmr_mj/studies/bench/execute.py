@@ -12,6 +12,7 @@ from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
+from ttwmr_mj.runs.new_folder import make_folder
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of
@@ -84,7 +85,8 @@ def run_suite(
 
     Args:
         suite: what to run.
-        folder: gets runs/<row>/, each a run folder with a row.json beside its files.
+        folder: made if missing; gets runs/<row>/, each a run folder with a row.json beside its
+            files.
         workers: processes at a time; None: one per processor.
         progress: called with the number of rows done.
         told: called before the first run with what no law can do, in lines.
@@ -100,6 +102,7 @@ def run_suite(
     scenarios = checked_scenarios(list(rows.values()))
     if told is not None:
         told(_foretold(scenarios.values()))
+    make_folder(folder)
     with locked(folder):
         kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
         missing = [key for key in rows if not _is_done(rows[key], kept[key], folder)]

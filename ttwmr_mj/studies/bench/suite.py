@@ -19,6 +19,7 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
 """
 
 import itertools
+import math
 import shlex
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -28,7 +29,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
-from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.errors import Fault, InputError, Keys, shown
 from ttwmr_mj.files import is_file, read_toml
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario.faults import fault_of, suggestion
@@ -37,6 +38,8 @@ from ttwmr_mj.scenario.schema import Scenario
 
 Overrides = tuple[str, ...]
 AXES = ("controller", "task", "plant", "sensing", "disturbance")
+MOST_ROWS = 10_000
+LONGEST_NAME = 255  # of a folder
 LEAN: Overrides = ("output.recording=false", "output.figures=false")
 
 Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
@@ -134,10 +137,14 @@ class SuiteRow:
         return shlex.join(["ttwmr", "run", self.scenario, *sets, "--seed", str(self.seed)])
 
 
-def load_suite(name_or_path: str) -> Suite:
+def load_suite(name_or_path: str, most_rows: int = MOST_ROWS) -> Suite:
     """Read a suite: a TOML file, or the name of a shipped one.
 
     A task's scenario is looked for beside the suite's file first.
+
+    Args:
+        name_or_path: which.
+        most_rows: larger suites are refused.
 
     Raises:
         InputError: there is no such suite, or it is wrong; with every fault of the file.
@@ -147,7 +154,7 @@ def load_suite(name_or_path: str) -> Suite:
     try:
         _refuse_sweep(data, path, name_or_path)
         suite = Suite.model_validate(data)
-        faults = _faults(suite)
+        faults = _faults(suite) or _of_rows(suite, most_rows)
     except ValidationError as error:
         faults = [fault_of(item, Suite) for item in error.errors()]
     if faults:
@@ -213,6 +220,26 @@ def _faults(suite: Suite) -> list[Fault]:
         for i, block in enumerate(suite.block):
             faults += _unknown(("block", i, axis), getattr(block, axis) or (), names[axis])
     return faults
+
+
+def _of_rows(suite: Suite, most: int) -> list[Fault]:
+    """What is wrong with the number of rows, counted before any is made, or with their names."""
+    count = sum(_combinations(suite, block) for block in suite.block)
+    if count > most:
+        hint = "take several suites, or --max-rows where this many are meant"
+        return [Fault(key=("block",), got=f"{count} rows", allowed=f"at most {most}", hint=hint)]
+    longest = max((row.key for row in rows_of(suite)), key=len, default="")
+    if not longest:
+        return [Fault(key=("block",), problem="no row is left: `skip` leaves all of them out")]
+    allowed = f"names of choices that together have {LONGEST_NAME} letters"
+    long = Fault(key=("block",), got=shown(longest), allowed=allowed)
+    return [long] if len(longest) > LONGEST_NAME else []
+
+
+def _combinations(suite: Suite, block: Block) -> int:
+    """Rows of a block, skipped ones included."""
+    picked = (getattr(block, axis) or getattr(suite, axis) for axis in AXES)
+    return math.prod(map(len, picked)) * len(block.seeds or suite.seeds)
 
 
 def _unknown(key: Keys, given: Collection[str], allowed: list[str]) -> list[Fault]:

@@ -14,7 +14,8 @@ import sys
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing import forkserver, resource_tracker
@@ -113,8 +114,22 @@ def _context(preload: Sequence[str]) -> Any:
     context.set_forkserver_preload(["ttwmr_mj.studies.pool.preloaded"])
     with variable("PYTHONSAFEPATH", "1"):  # started by `python -c`, which reads files lying about
         resource_tracker.ensure_running()
-        forkserver.ensure_running()
+        with _deaf_to_ctrl_c():
+            forkserver.ensure_running()
     return context
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """What is started meanwhile does not hear Ctrl-C, which a terminal sends to all; we do after.
+
+    The server ignores it by itself, but not before it has imported everything.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait(running: list[_Process]) -> None:
@@ -206,6 +221,7 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
     """In the process: do the job, answer with what came of it."""
     if hasattr(os, "setsid"):
         os.setsid()
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # of the server
     threading.Thread(target=_leave_with_the_caller, daemon=True).start()
     with log.open("wb") as file:  # what a law prints is not for the terminal
         for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):

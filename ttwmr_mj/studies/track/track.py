@@ -65,6 +65,8 @@ def track(
 
     Raises:
         InputError: the video or the calibration cannot be used.
+        KeyboardInterrupt: it was stopped; the frames until then are tracked. A camera's stream ends
+            so, without an error.
     """
     from ttwmr_mj.studies.track.recording import TrackRecorder
 
@@ -72,6 +74,7 @@ def track(
     layout = read_layout(build_model(robot, ContactOptions()))
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
+    stopped = False
     pace = pace or Pace()
     batch = BATCH if live is None else LIVE_BATCH
     with (
@@ -85,12 +88,17 @@ def track(
                 rows.extend(map(_row, records))
                 if progress is not None:
                     progress(float(len(rows)))
-        except KeyboardInterrupt:  # how one ends a camera's stream
-            pass
+        except KeyboardInterrupt:
+            stopped = True
     if not rows:
+        (folder / "track.rrd").unlink()  # it has no frame
+        if stopped:
+            raise KeyboardInterrupt
         problem = "no frame could be read; it may be empty or damaged"
         raise InputError(Fault(problem=problem), file=source)
     _write(rows, folder / "poses.parquet")
+    if stopped and not source.isdecimal():  # of a camera's stream this is the end
+        raise KeyboardInterrupt
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
 
 
