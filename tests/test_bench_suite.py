@@ -232,6 +232,11 @@ def test_as_many_rows_as_asked_and_no_folder_of_a_suite_that_cannot_run(
             "block: no row is left: `skip` leaves all",
         ),
         (
+            'name = "a"\n[controller.x]\noverrides = ["seed=3"]\n[task.y]\n'
+            'scenario = "lab_circle"\nwhen.x = ["seed = 4"]\n',
+            "2 errors\n  controller.x.overrides: got 'seed=3'; a suite has `seeds`\n  task.y.over",
+        ),
+        (
             f'name = "a"\nseeds = {list(range(5001))}\n[controller.x]\n[controller.z]\n'
             '[task.y]\nscenario = "lab_circle"\n',
             "block: got 10002 rows; allowed: at most 10000; .*--max-rows",

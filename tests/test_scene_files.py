@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -97,6 +98,32 @@ def test_what_is_no_data_is_refused(part: str, problem: str, folder: Path) -> No
     with pytest.raises(InputError, match=problem) as refused:
         build(folder, '<include file="more.xml"/>')
     assert "more.xml" in refused.value.faults[0].got
+
+
+@pytest.mark.parametrize(
+    ("part", "problem"),
+    [
+        ('<asset><mesh name="m" file="pipe"/></asset>', "this is no regular file"),
+        (
+            '<asset><texture type="2d" builtin="flat" width="60000" height="60000"/></asset>',
+            "a texture has 60000 × 60000 cells; allowed: 30,000,000",
+        ),
+        (
+            '<asset><hfield name="h" ncol="30000" nrow="30000" size="1 1 1 1"/></asset>',
+            "a hfield has 30000 × 30000 cells",
+        ),
+        ('<actuator><motor joint="hitch"/></actuator>', "the scene has 3 actuators"),
+        ('<asset><mesh name="m" file="bad.stl"/></asset>', "this robot in this scene"),
+    ],
+)
+def test_what_would_never_end_or_drives_else_is_refused(
+    part: str, problem: str, folder: Path
+) -> None:
+    os.mkfifo(folder / "pipe")
+    (folder / "bad.stl").write_bytes(b"solid nothing")
+    with pytest.raises(InputError, match=problem) as refused:
+        build(folder, part)
+    assert refused.value.faults[0].where == "plant.contact.model_path"
 
 
 def test_a_scene_that_includes_itself_ends(folder: Path) -> None:

@@ -105,7 +105,17 @@ def build_model(
         if warned:
             raise ValueError("; ".join(warned[:3]))
     except ValueError as error:
-        raise InputError.at("plant.contact", f"MuJoCo rejects this robot: {error}") from error
+        key, what = "plant.contact", "this robot"
+        if options.model_path:
+            key, what = "plant.contact.model_path", "this robot in this scene"
+        problem = f"MuJoCo rejects {what}: {error}"
+        raise InputError.at(key, problem, got=repr(options.model_path or "")) from error
+    if model.nu != len(WHEELS):
+        raise InputError.at(
+            "plant.contact.model_path",
+            f"the scene has {model.nu} actuators; the wheels have two, and none else is driven",
+            got=repr(options.model_path),
+        )
     gimballed = any(hitch.gimballed for hitch in robot.hitches)
     if robot.hitch.play_m > 0 or len(robot.trailers) > 1 or gimballed:
         model.key_qpos[:] = model.qpos0  # keyframes know nothing of more joints

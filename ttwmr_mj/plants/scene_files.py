@@ -11,6 +11,8 @@ from ttwmr_mj.errors import Fault, InputError
 
 FOLDERS = ("assetdir", "meshdir", "texturedir")  # of <compiler>
 MOST_BYTES = 16_000_000  # of an XML file
+MOST_CELLS = 30_000_000  # of a texture or a height field that MuJoCo makes by itself
+SIZES = {"texture": ("width", "height"), "hfield": ("ncol", "nrow")}
 
 
 def scene_files(scene: Path) -> list[Path]:
@@ -32,6 +34,7 @@ def refuse_what_leads_away(scene: str, *key: str) -> None:
     files, problems = _walk(path)
     homes = path.parent, models_folder().resolve()
     away = [file for file in files if not any(file.is_relative_to(home) for home in homes)]
+    problems = [(problem, file) for problem, file in problems if file not in away]
     problems += [("the scene leads out of its folder", file) for file in away]
     hint = f"a scene is data: XML, meshes and pictures that lie beside {path.name}"
     faults = [Fault(key=key, problem=p, got=repr(str(file)), hint=hint) for p, file in problems]
@@ -47,6 +50,9 @@ def _walk(scene: Path) -> tuple[list[Path], list[tuple[str, Path]]]:
         if path in found or path.is_dir() or not path.exists():
             continue
         found[path] = None
+        if not path.is_file():  # reading a pipe would never end
+            problems.append(("this is no regular file", path))
+            continue
         if not is_scene:
             continue
         try:
@@ -56,6 +62,7 @@ def _walk(scene: Path) -> tuple[list[Path], list[tuple[str, Path]]]:
             continue
         if root.find(".//plugin") is not None:
             problems.append(("the scene asks for a plugin, which is code", path))
+        problems += ((problem, path) for problem in _too_large(root))
         waiting += _named(root, {scene.parent, path.parent})
     return list(found), problems
 
@@ -70,6 +77,14 @@ def _read(path: Path) -> ElementTree.Element:
     if "<!DOCTYPE" in text:
         raise ValueError("it has a DOCTYPE, which can define entities")
     return ElementTree.fromstring(text)
+
+
+def _too_large(root: ElementTree.Element) -> Iterator[str]:
+    for tag, names in SIZES.items():
+        for element in root.iter(tag):
+            across, up = (element.get(name, "1") for name in names)
+            if across.isdecimal() and up.isdecimal() and int(across) * int(up) > MOST_CELLS:
+                yield f"a {tag} has {across} × {up} cells; allowed: {MOST_CELLS:,}"
 
 
 def _named(root: ElementTree.Element, homes: set[Path]) -> Iterator[tuple[Path, bool]]:

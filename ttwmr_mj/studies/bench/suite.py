@@ -217,6 +217,12 @@ def _faults(suite: Suite) -> list[Fault]:
         for name, choice in getattr(suite, axis).items():
             for key in ("when", "skip", "not_meant_for"):
                 faults += _unknown((axis, name, key), getattr(choice, key), every)
+            changes = [*choice.overrides, *itertools.chain(*choice.when.values())]
+            faults += [
+                Fault(key=(axis, name, "overrides"), got=repr(change), hint="a suite has `seeds`")
+                for change in changes
+                if change.partition("=")[0].strip() == "seed"
+            ]
         for i, block in enumerate(suite.block):
             faults += _unknown(("block", i, axis), getattr(block, axis) or (), names[axis])
     return faults
