@@ -48,6 +48,7 @@ def test_what_is_missing_is_named_with_how_to_install_it(
     assert "  install them: pip install numpy tqdm" in lines
     assert "  planning    casadi         missing: pip install 'ttwmr-mj[planning]'" in lines
     assert "  video       imageio-ffmpeg 1.0" in lines
+    assert "  camera frames: no" in lines
     assert "  egl      does not work: no display" in lines
     assert any(line.startswith("  install it: apt-get install lib") for line in lines)
     assert "  no loader, drivers: none" in lines
@@ -57,3 +58,12 @@ def test_what_is_missing_is_named_with_how_to_install_it(
 def test_a_missing_renderer_is_no_illness(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(machine, "probe", lambda _: SimpleNamespace(renderer=None, fault="x"))
     assert machine.examine()[1]
+
+
+def test_one_renderer_that_works_is_enough(monkeypatch: pytest.MonkeyPatch) -> None:
+    by_osmesa = {"osmesa": SimpleNamespace(renderer="llvmpipe", fault="")}
+    none = SimpleNamespace(renderer=None, fault="x")
+    monkeypatch.setattr(machine, "probe", lambda backend: by_osmesa.get(backend, none))
+    lines = machine.examine()[0].splitlines()
+    assert "  camera frames: yes, by osmesa; one that works is enough" in lines
+    assert "  osmesa   llvmpipe" in lines

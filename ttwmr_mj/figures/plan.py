@@ -13,7 +13,7 @@ from ttwmr_mj.figures import style
 from ttwmr_mj.figures.canvas import canvas, save
 from ttwmr_mj.figures.silhouettes import apart, draw_direction, draw_silhouettes
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.results.curves import trailer_com
+from ttwmr_mj.results.curves import centre_of_oscillation
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -61,7 +61,7 @@ def _draw_way(
 ) -> None:
     q = reference.q[:, 0]
     axes.plot(*q[:, :2].T, color=style.TRACTOR, label="tractor (P)")
-    axes.plot(*trailer_com(q, robot).T, color=style.TRAILER, label="trailer (COM)")
+    axes.plot(*centre_of_oscillation(q, robot).T, color=style.TRAILER, label="trailer (F)")
     rows = np.unique(apart(q[:, :2], POSES))
     draw_silhouettes(axes, q[rows], robot)
     for row in rows[:-1]:

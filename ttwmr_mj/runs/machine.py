@@ -59,12 +59,15 @@ def _extras() -> list[str]:
 
 def _opengl() -> list[str]:
     found = {backend: probe(backend) for backend in BACKENDS}
-    lines = [f"  {b:8s} {p.renderer or 'does not work: ' + p.fault}" for b, p in found.items()]
-    if all(one.renderer is None for one in found.values()):
+    works = [backend for backend, one in found.items() if one.renderer]
+    able = f"yes, by {works[0]}; one that works is enough" if works else "no"
+    lines = [f"  camera frames: {able}"]
+    lines += [f"  {b:8s} {p.renderer or 'does not work: ' + p.fault}" for b, p in found.items()]
+    if not works:
         lines.append(f"  install it: apt-get install {' '.join(DEBIAN_PACKAGES)}")
     asked = asked_backend()
     if asked not in (*BACKENDS, *ANY) or (asked in found and found[asked].renderer is None):
-        allowed = ", ".join(backend for backend, p in found.items() if p.renderer) or "none"
+        allowed = ", ".join(works) or "none"
         lines.append(
             f"  MUJOCO_GL={asked} ends camera runs, and no others; unset it, or set what works "
             f"here: {allowed}"
