@@ -135,7 +135,7 @@ def test_the_laws_that_learn_learn_all_and_the_others_nothing() -> None:
 
 def test_a_choice_overrides_more_where_it_meets_another(tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text(
-        'name = "a"\n[controller.x]\noverrides = ["seed=1"]\nwhen.b = ["duration_s=3.0"]\n'
+        'name = "a"\n[controller.x]\noverrides = ["control.sampling_time_s=0.03"]\nwhen.b = ["duration_s=3.0"]\n'
         'not_meant_for = ["t"]\n[controller.y]\n'
         '[task.s]\nscenario = "lab_circle"\n[task.t]\nscenario = "sim_circle"\n'
         '[disturbance.a]\n[disturbance.b]\noverrides = ["name=b"]\nscored = "whole"\n'
@@ -143,8 +143,9 @@ def test_a_choice_overrides_more_where_it_meets_another(tmp_path: Path) -> None:
     )
     rows = rows_of(load_suite(str(tmp_path / "suite.toml")))
     found = {"-".join(row.names.values()): row for row in rows}
-    assert found["x-s-contact-truth-a"].overrides == ("seed=1",)
-    assert found["x-s-contact-truth-b"].overrides == ("seed=1", "duration_s=3.0", "name=b")
+    period = "control.sampling_time_s=0.03"
+    assert found["x-s-contact-truth-a"].overrides == (period,)
+    assert found["x-s-contact-truth-b"].overrides == (period, "duration_s=3.0", "name=b")
     assert found["y-s-contact-truth-b"].overrides == ("name=b",)
     assert "duration_s=3.0" in found["x-s-contact-truth-b"].command()
     assert {name for name, row in found.items() if not row.meant} == {

@@ -82,7 +82,7 @@ def test_validate_says_what_is_wrong_with_each(
     wrong = [str(tmp_path / "a.toml"), str(tmp_path / "b.toml")]
     assert main(["validate", wrong[0], "lab_circle", wrong[1]]) == 2
     printed = capsys.readouterr()
-    assert printed.out == ""
+    assert printed.out == "lab_circle: valid\n"
     assert f"ttwmr: {wrong[0]}: " in printed.err
     assert f"ttwmr: {wrong[1]}: no such scenario" in printed.err
     with pytest.raises(InputError):
