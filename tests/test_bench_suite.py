@@ -135,7 +135,8 @@ def test_the_laws_that_learn_learn_all_and_the_others_nothing() -> None:
 
 def test_a_choice_overrides_more_where_it_meets_another(tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text(
-        'name = "a"\n[controller.x]\noverrides = ["control.sampling_time_s=0.03"]\nwhen.b = ["duration_s=3.0"]\n'
+        'name = "a"\n[controller.x]\noverrides = ["control.sampling_time_s=0.03"]\n'
+        'when.b = ["duration_s=3.0"]\n'
         'not_meant_for = ["t"]\n[controller.y]\n'
         '[task.s]\nscenario = "lab_circle"\n[task.t]\nscenario = "sim_circle"\n'
         '[disturbance.a]\n[disturbance.b]\noverrides = ["name=b"]\nscored = "whole"\n'
