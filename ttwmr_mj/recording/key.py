@@ -36,7 +36,8 @@ def draw_key(stream: rr.RecordingStream, entries: Sequence[Entry]) -> None:
     )
     labels = rr.Points2D(
         np.column_stack([middle, np.full(len(names), NAME_DEPTH)]),
-        colors=colours,
+        # in the colours themselves they could not be read in a browser that likes it light
+        colors=[style.WORDS],
         radii=rr.Radius.ui_points([0.0]),
         labels=names,
         show_labels=True,

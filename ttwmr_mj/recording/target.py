@@ -72,7 +72,7 @@ class Target:
         self._draw("marker/ball", ball)
         arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[scale * 0.0025])
         text = rr.Points3D.from_fields(
-            colors=[style.WORDS], radii=rr.Radius.ui_points([0.0]), show_labels=True
+            colors=[style.INK], radii=rr.Radius.ui_points([0.0]), show_labels=True
         )
         for path, shape in zip(miss_paths(root), (arrow, text), strict=True):
             stream.log(path, shape, static=True)

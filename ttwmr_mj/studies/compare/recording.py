@@ -151,7 +151,7 @@ def _log_miss(stream: rr.RecordingStream, pair: Pair, now: rr.TimeColumn) -> Non
     miss = _factor(pair) * pair.deviation.q[:, :2]
     arrow = rr.Arrows3D.from_fields(colors=[style.ALERT], radii=[scale * 0.003])
     text = rr.Points3D.from_fields(
-        colors=[style.WORDS], radii=rr.Radius.ui_points([0.0]), show_labels=True
+        colors=[style.INK], radii=rr.Radius.ui_points([0.0]), show_labels=True
     )
     stream.log(MISS, arrow, static=True)
     stream.log(f"{MISS}/text", text, static=True)
