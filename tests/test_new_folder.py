@@ -168,9 +168,8 @@ def test_exit_2_leaves_nothing_that_would_refuse_the_retry(
     [
         (lambda folder: folder.rmdir(), "is gone"),
         (lambda folder: (folder / "manifest.json").touch(), "nothing was recorded"),
-        (lambda folder: (folder / "run.rrd").touch(), "nothing was recorded"),  # no row yet
         (lambda folder: (folder / "trajectory.arrows").touch(), "ttwmr score"),
-        (lambda folder: (folder / "track.rrd").touch(), "what was recorded is in"),
+        (lambda folder: (folder / "run.rrd").touch(), "what was recorded is in"),
         (
             lambda folder: (folder / "metrics.json").write_text('{"status": "ok"}'),
             "the run is complete in",

@@ -150,7 +150,8 @@ def test_what_cannot_be_driven_is_told_before_the_run(tmp_path: Path) -> None:
         "is at (0.76, 0.00) m; throughout; allowed: 40 rad/s (robot.servo.speed_limit_rad_s); "
         "possible at 0.848 of the pace: reference.angular_rate_rad_s=1.27\n"
     )
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", line)
+    valid = "inverted_trailer: valid\nouter_circle: valid\n"
+    assert (done.returncode, done.stdout, done.stderr) == (0, valid, line)
     overrides = [*LEAN, "plant.kind=analytic", "reference.angular_rate_rad_s=1.5", "duration_s=1.0"]
     code, _, err = run("inverted_trailer", *overrides, cwd=tmp_path)
     assert (code, err) == (0, line)

@@ -26,7 +26,7 @@ OURS = (
     *("compare.json", "contact.parquet", "analytic.parquet", "attribution.parquet"),
     *("fitted.toml", "report.html", "poses.parquet", "track.rrd"),
 )
-RECORDED = ("*.parquet", "*.arrows", "track.rrd")  # run.rrd is there before the first row
+RECORDED = ("*.parquet", "*.arrows", "*.rrd")
 ASIDE = ".replaced"  # where what is replaced waits until there is something in its place
 
 

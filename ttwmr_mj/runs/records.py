@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.vision.coco import FrameExport
     from ttwmr_mj.vision.sensor import CameraSensor
 
+RECORDING_FILE = "run.rrd"
 LONG_S = 120.0  # runs beyond it are recorded without a table of contents, which takes memory
 # of a camera, one in this many is shown, 10 a second, as computing and encoding them takes time
 PICTURES_EVERY = 3
@@ -52,6 +53,7 @@ class Records:
     ) -> None:
         """Arguments as of `execute.run_experiment`."""
         self.rows = RowStream(folder / ROWS_FILE)
+        self._recording = folder / RECORDING_FILE
         self._experiment, self._pace, self._progress = experiment, pace, progress
         self._open = partial(_recorder, experiment, folder, pace, live)
         self._recorder: RunRecorder | None = None
@@ -115,6 +117,8 @@ class Records:
         self.rows.close()
         if self._recorder is not None:
             self._recorder.close()
+        if not self._reported:  # a recording without a row is none
+            self._recording.unlink(missing_ok=True)
 
 
 def _frame_export(scenario: Scenario, folder: Path) -> FrameExport | None:
@@ -134,7 +138,7 @@ def _recorder(
 
     scenario = experiment.scenario
     return RunRecorder(
-        folder / "run.rrd",
+        folder / RECORDING_FILE,
         model=_drawable_model(experiment),
         robot=scenario.robot,
         reference=experiment.reference,
