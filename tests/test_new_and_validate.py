@@ -74,6 +74,18 @@ def test_what_new_writes_runs_and_passes_as_written(tmp_path: Path) -> None:
     assert (again.returncode, "already" in again.stderr) == (2, True)
 
 
+@pytest.mark.parametrize("found", [None, "there"])
+def test_how_to_get_pytest_is_told_where_it_is_missing(
+    found: str | None,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("ttwmr_mj.cli.commands.new.find_spec", lambda _: found)
+    assert main(["new", "tested", "--controller", "--out", str(tmp_path)]) == 0
+    assert ("pip install pytest" in capsys.readouterr().out) is (found is None)
+
+
 @pytest.mark.slow
 def test_a_new_scenario_is_followed(tmp_path: Path) -> None:
     assert main(["new", "plain", "--out", str(tmp_path)]) == 0

@@ -110,7 +110,7 @@ def test_what_is_no_data_is_refused(part: str, problem: str, folder: Path) -> No
         ),
         (
             '<asset><hfield name="h" ncol="30000" nrow="30000" size="1 1 1 1"/></asset>',
-            "a hfield has 30000 × 30000 cells",
+            "a height field has 30000 × 30000 cells",
         ),
         ('<actuator><motor joint="hitch"/></actuator>', "the scene has 3 actuators"),
         ('<asset><mesh name="m" file="bad.stl"/></asset>', "this robot in this scene"),

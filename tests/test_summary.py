@@ -13,6 +13,7 @@ from trains import train
 from trajectories_of_figures import ROBOT, circle_run
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.figures.silhouettes import last_round
 from ttwmr_mj.figures.summary import LOOKS, WIDTH_IN, write_summary
 from ttwmr_mj.results.curves import Curves, centre_of_oscillation
 from ttwmr_mj.results.trajectory import Trajectory
@@ -82,6 +83,13 @@ def test_a_run_without_reference_has_no_errors(tmp_path: Path) -> None:
     shown = labels(tmp_path / "summary.svg")
     assert not {"error [mm]", "reference"} & set(shown)
     assert {"θ2 [rad]", "tractor (P)", "trailer (COM)"} <= set(shown)
+
+
+def test_poses_are_those_of_the_last_round() -> None:
+    turns = np.linspace(0.0, 3.25 * 2.0 * np.pi, 1301)  # 400 rows a round
+    circle = np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    assert last_round(circle) == pytest.approx(900, abs=1)
+    assert last_round(circle[:200]) == 0  # half a round
 
 
 def test_of_a_train_the_hitches_are_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

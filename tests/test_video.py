@@ -7,6 +7,7 @@ import sys
 from pathlib import Path
 
 import cv2
+import mujoco
 import numpy as np
 import pytest
 
@@ -89,6 +90,12 @@ def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
     footage = Footage.of(run, 10.0, 1.0, 0.0, None)
     film = Film(footage, "both", 1.0)
     picture = film.frame(len(footage.time_s) - 1)
+    stage = film._stage
+    assert stage is not None
+    kinds = [geom.type for geom in stage._scene.geoms[stage._first_moving : stage._scene.ngeom]]
+    shapes = mujoco.mjtGeom.mjGEOM_ARROW, mujoco.mjtGeom.mjGEOM_CAPSULE
+    arrows, stems = (kinds.count(int(shape)) for shape in shapes)
+    assert arrows == stems == footage.arrows_m.shape[1] > 0  # tied to where each force acts
     film.close()
     assert picture.shape == (720, 1280, 3)
     scene = picture[80 : UPPER - 40, :800]

@@ -44,13 +44,18 @@ def draw_direction(axes: Axes, path: FloatArray, length_m: float = 0.12) -> None
 
 def last_round(points_m: FloatArray) -> int:
     """The row from which a path (n, 2) goes its last round: so long a way as around its ellipse."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
+    along = _along(points_m)
     round_m = 0.5 * np.pi * float(np.ptp(points_m, axis=0).sum())  # exact for a circle
     return int(np.searchsorted(along, max(0.0, along[-1] - round_m)))
 
 
 def apart(points_m: FloatArray, count: int) -> FloatArray:
     """Rows that split a path (n, 2) into pieces of equal length, its first and last among them."""
-    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])
+    along = _along(points_m)
     rows = np.searchsorted(along, np.linspace(0.0, along[-1], count))
     return np.asarray(np.minimum(rows, len(points_m) - 1))
+
+
+def _along(points_m: FloatArray) -> FloatArray:
+    """(n,) the way along a path (n, 2) [m]."""
+    return np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points_m, axis=0).T))])

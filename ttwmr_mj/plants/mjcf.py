@@ -108,12 +108,12 @@ def build_model(
         key, what = "plant.contact", "this robot"
         if options.model_path:
             key, what = "plant.contact.model_path", "this robot in this scene"
-        problem = f"MuJoCo rejects {what}: {error}"
-        raise InputError.at(key, problem, got=repr(options.model_path or "")) from error
+        got = repr(options.model_path) if options.model_path else ""
+        raise InputError.at(key, f"MuJoCo rejects {what}: {error}", got=got) from error
     if model.nu != len(WHEELS):
         raise InputError.at(
             "plant.contact.model_path",
-            f"the scene has {model.nu} actuators; the wheels have two, and none else is driven",
+            f"the scene has {model.nu} actuators; allowed are the two of the wheels",
             got=repr(options.model_path),
         )
     gimballed = any(hitch.gimballed for hitch in robot.hitches)

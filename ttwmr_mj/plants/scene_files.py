@@ -12,7 +12,8 @@ from ttwmr_mj.errors import Fault, InputError
 FOLDERS = ("assetdir", "meshdir", "texturedir")  # of <compiler>
 MOST_BYTES = 16_000_000  # of an XML file
 MOST_CELLS = 30_000_000  # of a texture or a height field that MuJoCo makes by itself
-SIZES = {"texture": ("width", "height"), "hfield": ("ncol", "nrow")}
+# tag → in words, and its sizes
+SIZES = {"texture": ("a texture", "width", "height"), "hfield": ("a height field", "ncol", "nrow")}
 
 
 def scene_files(scene: Path) -> list[Path]:
@@ -80,11 +81,11 @@ def _read(path: Path) -> ElementTree.Element:
 
 
 def _too_large(root: ElementTree.Element) -> Iterator[str]:
-    for tag, names in SIZES.items():
+    for tag, (words, *names) in SIZES.items():
         for element in root.iter(tag):
             across, up = (element.get(name, "1") for name in names)
             if across.isdecimal() and up.isdecimal() and int(across) * int(up) > MOST_CELLS:
-                yield f"a {tag} has {across} × {up} cells; allowed: {MOST_CELLS:,}"
+                yield f"{words} has {across} × {up} cells; allowed: {MOST_CELLS:,}"
 
 
 def _named(root: ElementTree.Element, homes: set[Path]) -> Iterator[tuple[Path, bool]]:

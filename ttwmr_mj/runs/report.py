@@ -23,7 +23,7 @@ RESULT_ROWS = (
     ("wheel_speed_max_rad_s", "fastest wheel", 1.0, "rad/s"),
     ("control_effort", "control effort, ∫ ω_r² + ω_l² dt", 1.0, "rad²/s"),
     ("saturated_share", "saturated samples", 100.0, "%"),
-    ("near_singular_share", "samples near standstill (singular)", 100.0, "%"),
+    ("near_singular_share", "samples near the singularity", 100.0, "%"),
     ("control_overruns", "commands slower than the period", 1.0, ""),
     ("control_slowest_s", "slowest command, wall time", 1e3, "ms"),
 )

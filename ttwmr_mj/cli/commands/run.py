@@ -88,7 +88,7 @@ def _print_run(run: "execute.Run") -> None:
     )
     print(results_table(run.metrics))
     speed = f"{run.metrics['real_time_factor']:.3g} ×"
-    label = "speed, of real time, waits aside" if run.pace else "speed, of real time"
+    label = "real-time factor, waits left out" if run.pace else "real-time factor"
     print(f"{label:33s} {speed:>12s}  real_time_factor")
     if run.pace:
         print(run.pace)

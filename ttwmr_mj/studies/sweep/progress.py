@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 
-LINE_EVERY_S = 60.0  # in the long run;
-FIRST_LINE_S = 2.0  # at first sooner: whoever kills a sweep soon reads how far it was
+LINE_EVERY_S = 60.0
+FIRST_LINE_S = 2.0  # sooner at first, so that the log of a sweep killed early says how far it was
 
 
 @contextmanager

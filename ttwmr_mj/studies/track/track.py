@@ -74,8 +74,7 @@ def track(
     layout = read_layout(build_model(robot, ContactOptions()))
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
-    stopped = False
-    pace = pace or Pace()
+    stopped, pace = False, pace or Pace()
     batch = BATCH if live is None else LIVE_BATCH
     with (
         open_footage(source, camera) as footage,
@@ -90,15 +89,16 @@ def track(
                     progress(float(len(rows)))
         except KeyboardInterrupt:
             stopped = True
-    if not rows:
+    if rows:
+        _write(rows, folder / "poses.parquet")
+    else:
         (folder / "track.rrd").unlink()  # it has no frame
-        if stopped:
-            raise KeyboardInterrupt
+    # of a camera's stream this is the end
+    if stopped and not (rows and source.isdecimal()):
+        raise KeyboardInterrupt
+    if not rows:
         problem = "no frame could be read; it may be empty or damaged"
         raise InputError(Fault(problem=problem), file=source)
-    _write(rows, folder / "poses.parquet")
-    if stopped and not source.isdecimal():  # of a camera's stream this is the end
-        raise KeyboardInterrupt
     return Track(folder, len(rows), sum(int(row[-1]) for row in rows))
 
 
