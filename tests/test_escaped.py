@@ -10,7 +10,7 @@ import pytest
 from test_hostile_arrays import law_beside
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.errors import described, in_markdown
+from ttwmr_mj.errors import Fault, InputError, described, in_markdown, of_system
 from ttwmr_mj.runs.report import details_text, result_text, summary
 from ttwmr_mj.scenario.file import check_scenario
 from ttwmr_mj.studies.bench.leaderboard import to_markdown
@@ -40,6 +40,20 @@ def test_one_line_and_no_mark() -> None:
 
 def test_an_exception_is_told_without_commands() -> None:
     assert described(ValueError(EVIL)).startswith("ValueError: \\x1b]0;owned\\x07<script>")
+
+
+def test_a_name_with_line_breaks_stays_in_its_line() -> None:
+    name = "a\nttwmr: all is well\r\u2028b.toml"
+    faults = Fault(key=("x\ny",), problem=f"no {name}"), Fault(problem="two")
+    for error, lines in (
+        (InputError(faults[0], file=name), 2),
+        (InputError(*faults, file=name), 3),
+        (InputError(*faults), 2),
+        (InputError(faults[1], file=name), 1),
+    ):
+        assert len(str(error).splitlines()) == lines
+        assert "\\nttwmr: all is well" in str(error)
+    assert "\n" not in of_system(FileNotFoundError(2, "missing", name))
 
 
 def test_a_run_tells_a_stranger_s_words_in_panels() -> None:

@@ -81,7 +81,8 @@ def test_what_never_answers_or_leaves_while_it_is_loaded(
         ("if k == 2: threading.Thread(target=time.sleep, args=(60,)).start()", 0, ""),
         ("if k == 2 and os.fork() == 0: time.sleep(60)", 0, ""),
         ("if k == 2: os.fork()", 0, ""),  # both come back
-        ("if k == 2: sys.stdout.close(); os.close(1)", 1, "I/O operation on closed file"),
+        ("if k == 2: os.closerange(3, 200)", 1, "Bad file descriptor"),
+        ("import builtins; builtins.len = None", 1, "with exit code 1 before it was over"),
         ("sys.stdout = None", 0, ""),
         ("import atexit; k or atexit.register(time.sleep, 60)", 0, ""),
         ("print('x' * 20_000)", 0, ""),
@@ -100,6 +101,40 @@ def test_a_run_ends_whatever_its_law_does(
     if status == 0:
         assert json.loads(metrics.read_text())["status"] == "ok"
     assert not list((tmp_path / "out").rglob("*.part"))
+
+
+CLOSED = "sys.stdout.close(); sys.stderr.close(); k == 2 and (os.close(1), os.close(2))"
+
+
+@pytest.mark.parametrize(
+    ("then", "status", "said", "told"),
+    [("pass", 0, "run folder: out", ""), ("if k == 3: 1 / 0", 1, "", "ZeroDivisionError")],
+)
+def test_a_law_that_closes_the_streams_does_not_close_the_commands(
+    then: str, status: int, said: str, told: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, "at_command", f"{CLOSED}\n        {then}")
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == status
+    assert said in done.stdout
+    assert told in done.stderr
+
+
+@pytest.mark.parametrize("place", ["at_making", "at_command"])
+def test_a_row_that_is_interrupted_is_not_stored_as_its_laws_failure(
+    place: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, place, "raise KeyboardInterrupt")
+    suite = tmp_path / "suite.toml"
+    suite.write_text('name = "s"\n[controller.a]\n[task.t]\nscenario = "mine.toml"\n')
+    line = [*TTWMR, "bench", "suite.toml", "--out", "out", "--workers", "1"]
+    done = subprocess.run(
+        line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert "1 row was not run" in done.stderr
+    assert "stopped by Ctrl-C, or by its law, which raised it" in done.stderr
+    assert not list((tmp_path / "out").rglob("row.json"))
 
 
 @pytest.mark.slow

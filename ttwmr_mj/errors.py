@@ -59,7 +59,7 @@ class Fault:
         return "; ".join(part for part in (got, self.problem, allowed, self.hint) if part)
 
     def __str__(self) -> str:
-        return f"{self.where}: {self.message}" if self.key else self.message
+        return in_one_line(f"{self.where}: {self.message}" if self.key else self.message)
 
     def within(self, *outer: str | int) -> Fault:
         """The same fault, with its key inside these outer tables."""
@@ -86,7 +86,7 @@ def described(error: BaseException) -> str:
 
 def of_system(error: OSError) -> str:
     """What the system refused, and of which file."""
-    name = "" if error.filename is None else str(error.filename)
+    name = "" if error.filename is None else in_one_line(str(error.filename))
     short = name if len(name) <= 100 else f"{name[:97]}..."
     # in the system's own words: libraries wrap them in theirs
     why = os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
@@ -107,6 +107,11 @@ def printable(text: str) -> str:
     the window's title, or write over lines above.
     """
     return "".join(c if c in "\n\t" or not _commands(c) else repr(c)[1:-1] for c in text)
+
+
+def in_one_line(text: str) -> str:
+    """A text as `printable` has it, line breaks as escapes too: names of files may hold them."""
+    return "\\n".join(printable(text).splitlines())
 
 
 def in_markdown(text: str) -> str:
@@ -149,10 +154,11 @@ class InputError(TtwmrError):
     def _text(self) -> str:
         if self.file is None:
             return "\n".join(map(str, self.faults))
+        file = in_one_line(self.file)
         if len(self.faults) == 1 and not self.faults[0].key:  # about the whole file
-            return f"{self.file}: {self.faults[0]}"
+            return f"{file}: {self.faults[0]}"
         count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
-        return "\n".join([f"{self.file}: {count}", *(f"  {fault}" for fault in self.faults)])
+        return "\n".join([f"{file}: {count}", *(f"  {fault}" for fault in self.faults)])
 
     def __reduce__(self) -> Any:
         """Errors cross processes, and the default would lose `file`."""

@@ -66,9 +66,9 @@ def close_streams(code: int) -> int:
         if sys.stdout is not None and not sys.stdout.closed:  # a law of the user's may do that
             sys.stdout.flush()
     except BrokenPipeError:  # the reader of our output left; that is its right
-        _discard(1)
+        _discard_output()
     except OSError as error:
-        _discard(1)
+        _discard_output()
         say(f"cannot write the output: {error.strerror or error}")
         code = code or FAILED
     # Ctrl-C in code from text, which dataclasses are made of, is remembered by the interpreter: it
@@ -81,7 +81,7 @@ def close_streams(code: int) -> int:
 def told(error: BaseException) -> int:
     """Say in one line what ended the command; returns the exit code."""
     if isinstance(error, BrokenPipeError):
-        _discard(1)
+        _discard_output()
         return DONE
     text, code = _meaning(error)
     say(text)
@@ -120,6 +120,12 @@ def _meaning(error: BaseException) -> tuple[str, int]:
 
 def _short(text: str, most: int = 100) -> str:
     return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def _discard_output() -> None:
+    """What is left of stdout would fail again at the interpreter's end."""
+    with contextlib.suppress(OSError, ValueError):  # it has no descriptor any longer
+        _discard(sys.stdout.fileno())
 
 
 def _discard(number: int) -> None:

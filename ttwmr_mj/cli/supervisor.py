@@ -8,6 +8,7 @@ of this process. It is ended when it answers no more, and only what it said at i
 from __future__ import annotations
 
 import ctypes
+import io
 import mmap
 import os
 import select
@@ -29,7 +30,10 @@ LEAVE_S = 3.0  # a child that has told its exit code is given this long to end
 PR_SET_PDEATHSIG = 1  # of prctl(2)
 TICKS_S = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
 
+FAR = 500  # a descriptor beyond those that a law would close; below the usual limit of 1024
+
 own_process = False  # whether this process is the command's, and not a script's or a test's
+debug = False  # whether tracebacks are wanted
 
 
 def supervise(scenario: Scenario) -> None:
@@ -50,6 +54,7 @@ def supervise(scenario: Scenario) -> None:
     if child == 0:
         os.close(told)
         _become_the_child(parent, telling)
+        _keep_streams()
         deadline.show_on(memoryview(board).cast("d"))
         return
     os.close(telling)
@@ -60,6 +65,8 @@ def supervise(scenario: Scenario) -> None:
 def _become_the_child(parent: int, telling: int) -> None:
     """A group of its own, to be ended as one, and with its parent; its exit code goes there."""
     from ttwmr_mj.cli import last_resort
+
+    telling = _far(telling)
 
     os.setpgid(0, 0)
     if sys.platform == "linux":
@@ -73,6 +80,37 @@ def _become_the_child(parent: int, telling: int) -> None:
             os.write(telling, bytes([code]))
 
     last_resort.at_close = report
+    if not debug:  # what even the last resort stumbles over, the parent has words for
+        sys.excepthook = lambda *_: os._exit(FAILED)
+
+
+def _far(file: int) -> int:
+    """A second descriptor of a file, where a law that closes what it did not open does not look."""
+    import fcntl
+    import resource
+
+    most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, min(FAR, most // 2))
+
+
+class _Lasting(io.TextIOWrapper):
+    """A stream that a law cannot close."""
+
+    def close(self) -> None:
+        self.flush()
+
+
+def _keep_streams() -> None:
+    """Let words reach the terminal though a law closes its streams, or files 1 and 2."""
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        lasting = _Lasting(
+            os.fdopen(_far(stream.fileno()), "wb"),
+            encoding=stream.encoding,
+            errors=stream.errors,
+            line_buffering=stream.line_buffering,
+        )
+        setattr(sys, name, lasting)
 
 
 @dataclass(slots=True)

@@ -47,6 +47,7 @@ def run_into_folders(runs: Sequence[Placed]) -> None:
 
     Raises:
         InputError: one of them cannot be built, or its law cannot start; which, is not said.
+        KeyboardInterrupt: they were interrupted, or a law raised it.
     """
     runs = [run._replace(folder=run.folder.absolute()) for run in runs]
     for run in runs:
@@ -54,7 +55,9 @@ def run_into_folders(runs: Sequence[Placed]) -> None:
         run.folder.mkdir(parents=True)
     if len(runs) == 1 and not shareable(runs[0].scenario):
         scenario, folder, words, beside = runs[0]
-        run_scenario(scenario, folder, scenario_folder=beside, command_line=list(words))
+        done = run_scenario(scenario, folder, scenario_folder=beside, command_line=list(words))
+        if done.outcome.status == "interrupted":
+            raise KeyboardInterrupt
         return
     for scenario, folder, words, beside in runs:
         write_resolved(folder, scenario, beside)

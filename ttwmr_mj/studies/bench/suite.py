@@ -293,14 +293,17 @@ def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
     Raises:
         InputError: some rows cannot run; with the faults of all of them.
     """
-    scenarios, faults = {}, []
+    scenarios, faults, wrong = {}, list[Fault](), 0
     for row in rows:
         try:
             scenarios[row.key] = load_scenario(row.scenario, [*row.overrides, *LEAN], row.seed)
         except InputError as error:
-            faults.append(Fault(key=(f"row {row.key}",), problem=str(error)))
+            wrong += 1
+            file = f"{error.file}: " if error.file else ""
+            key = (f"row {row.key}",)
+            faults += [Fault(key=key, problem=f"{file}{fault}") for fault in error.faults]
     if faults:
-        count = "1 row" if len(faults) == 1 else f"{len(faults)} rows"
+        count = "1 row" if wrong == 1 else f"{wrong} rows"
         hint = "exclude combinations that do not go together with `skip` or blocks"
         raise InputError(f"{count} cannot run; {hint}", *faults)
     return scenarios

@@ -234,6 +234,8 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
         said = Done(job, job.call(*job.arguments))
     except TtwmrError as error:
         said = Failed(job, str(error), error, of_machine=isinstance(error, MachineError))
+    except KeyboardInterrupt:
+        said = Failed(job, "stopped by Ctrl-C, or by its law, which raised it", of_machine=True)
     except BaseException as error:
         said = Failed(
             job,
