@@ -16,6 +16,7 @@ from recordings import (
     circle_reference,
     contact_run,
     record,
+    recorder,
     robot_model,
 )
 
@@ -47,6 +48,14 @@ def test_bodies_are_where_mujoco_puts_them(recording: Recording) -> None:
             quaternion = recording.values(f"/world/{body}", "Transform3D:quaternion")[k, 0]
             np.testing.assert_allclose(translation, data.body(body).xpos, atol=FLOAT32_M)
             np.testing.assert_allclose(quaternion, data.body(body).xquat[[1, 2, 3, 0]], atol=1e-6)
+
+
+def test_there_is_no_robot_before_it_is_known_where(tmp_path: Path) -> None:
+    with recorder(tmp_path / "run.rrd", circle_reference()):
+        pass
+    drawn = Recording(tmp_path / "run.rrd").entities
+    assert "/world/floor" in drawn
+    assert not any(path.startswith(f"/world/{body}") for path in drawn for body in BODIES)
 
 
 def test_p_is_the_origin_of_the_tractor(recording: Recording) -> None:

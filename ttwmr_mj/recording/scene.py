@@ -74,8 +74,7 @@ class Scene:
         self._last_points: dict[str, FloatArray] = {}
         if root == WORLD:
             stream.log(WORLD, rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
-        self._draw_robot(model)
-        self._draw("tractor/P", rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]))
+        self._undrawn: mujoco.MjModel | None = model  # until it is known where the robot is
         if floor_m is not None:
             flat = self._relief.flat
             plate, grid = floor_shapes(floor_m) if flat else relief_shapes(self._relief, floor_m)
@@ -103,6 +102,7 @@ class Scene:
                 body = _body_path(self._root, model, model.geom_bodyid[i])
                 path = f"{body}/{model.geom(i).name or f'geom_{i}'}"
                 self._stream.log(path, shape, static=True)
+        self._draw("tractor/P", rr.Points3D([[0.0, 0.0, 0.0]], radii=[0.002]))
 
     def append(self, rows: Trajectory, curves: Curves) -> None:
         """Log the next rows of the run, of one simulation, and the curves of the same rows."""
@@ -113,6 +113,9 @@ class Scene:
                 translation=position[:, i], quaternion=_xyzw(quaternion[:, i])
             )
             self._stream.send_columns(body, [now], columns)
+        if self._undrawn is not None:
+            self._draw_robot(self._undrawn)
+            self._undrawn = None
         tractor, trailer = driven_paths(self._root)
         self._append_path(tractor, now, lift(rows.q[:, 0, :2], TRACTOR_HEIGHT_M, self._relief))
         com = curves.trailer_com_m[:, 0]
