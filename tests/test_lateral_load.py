@@ -14,8 +14,9 @@ from ttwmr_mj.dynamics.flatness import centre_derivatives, motion_from_flat
 from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, Ground
 from ttwmr_mj.dynamics.sampled import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
-from ttwmr_mj.plants.contact import ContactPlant, read_contacts
+from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.curves import centre_of_oscillation, trailer_com
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Trailer

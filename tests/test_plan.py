@@ -20,7 +20,8 @@ from ttwmr_mj.robot import Hitch, RobotParameters
 
 pytest.importorskip("casadi")
 from ttwmr_mj.planning.limits import limits_of
-from ttwmr_mj.planning.through_points import Found, Request, plan_through
+from ttwmr_mj.planning.request import Request
+from ttwmr_mj.planning.through_points import Found, plan_through
 
 SPRUNG = RobotParameters(hitch=Hitch(stiffness_n_m_rad=5e-4, damping_n_m_s_rad=1e-3))
 BEND = np.array([[-0.4, -0.1], [0.0, 0.1], [0.4, -0.1]])

@@ -20,7 +20,7 @@ from recordings import (
     robot_model,
 )
 
-from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.recording.floor import floor_corners
 from ttwmr_mj.recording.scene import force_scale_m_n
 from ttwmr_mj.recording.target import reference_pieces

@@ -10,8 +10,9 @@ import numpy as np
 from ttwmr_mj.planning.figure_eight import plan_figure_eight
 from ttwmr_mj.planning.knots import write_knots
 from ttwmr_mj.planning.limits import limits_of
+from ttwmr_mj.planning.request import Request
 from ttwmr_mj.planning.rest_to_rest import plan_rest_to_rest
-from ttwmr_mj.planning.through_points import Request, plan_through
+from ttwmr_mj.planning.through_points import plan_through
 from ttwmr_mj.planning.transcription import Limits, Plan
 from ttwmr_mj.robot import Hitch, RobotParameters, Trailer
 

@@ -12,7 +12,8 @@ import tomli_w
 from ttwmr_mj.figures.plan import write_plan_figure
 from ttwmr_mj.files import together, write_text
 from ttwmr_mj.planning.knots import write_knots
-from ttwmr_mj.planning.through_points import UNITS, Found, Request
+from ttwmr_mj.planning.request import Request
+from ttwmr_mj.planning.through_points import UNITS, Found
 from ttwmr_mj.planning.transcription import Limits
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.robot import RobotParameters

@@ -19,9 +19,10 @@ import casadi as ca
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from ttwmr_mj.errors import Fault, InputError, RunError
+from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.planning.elastic import Elastic, Exceeded
 from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG
+from ttwmr_mj.planning.request import Request
 from ttwmr_mj.planning.transcription import (
     A1,
     A2,
@@ -43,7 +44,6 @@ from ttwmr_mj.state import FloatArray
 
 CRUISE = 0.6  # of the wheels' speed: a mean pace that leaves room for bends
 LEAST_SPEED = 0.25  # of the mean; a robot that hardly moves cannot correct its trailer
-KNOTS_PER_SWING, LEAST_KNOTS = 8, 12  # in a swing length of the way; of a leg
 LEG_SHARE = (0.4, 2.5)  # of a leg's time, to what its length takes at the mean pace
 ENDS = 1.6  # the same of the first and last leg of a way from rest to rest
 JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
@@ -51,7 +51,6 @@ PACE_M_S = 0.1
 MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
 ROOM = 1.03  # of advice, a little more than has to be
 MOST_ITERATIONS, MOST_S = 400, 120.0
-MOST_KNOTS = 2000  # of a way; its solver takes minutes
 # how a duration answers for a limit: speeds fall with it, accelerations with its square
 BY_TIME = {
     "wheel speed": 1.0,
@@ -68,72 +67,6 @@ UNITS = {
     "workspace": "m from its centre",
     "least speed": "m/s",
 }
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A way that is asked for."""
-
-    points_m: FloatArray  # (m, 2) of P
-    closed: bool = False  # back to the first and round again; else from rest to rest
-    duration_s: float | None = None  # of one round, or from start to end; None: as it comes
-
-    @property
-    def corners_m(self) -> FloatArray:
-        """(legs + 1, 2) the points, the first again at the end if closed."""
-        return np.vstack([self.points_m, self.points_m[: int(self.closed)]])
-
-    @property
-    def legs_m(self) -> FloatArray:
-        """(legs,) straight distances."""
-        return np.asarray(np.hypot(*np.diff(self.corners_m, axis=0).T))
-
-    def faults(self, robot: RobotParameters, limits: Limits) -> list[Fault]:
-        """Too few points, neighbours that coincide, points out of bounds, too long a way."""
-        least = 3 if self.closed else 2
-        if len(self.points_m) < least:
-            told = f"at least {least} of them"
-            return [Fault(key=("points",), got=str(len(self.points_m)), allowed=told)]
-        beyond = ~(np.abs(self.points_m) <= 0.5 * np.array(limits.workspace_m)).all(axis=1)
-        if beyond.any():
-            return [self._beyond(np.flatnonzero(beyond).tolist(), limits)]
-        if (count := sum(self.knots(robot))) > MOST_KNOTS:
-            return [self._too_long(count)]
-        near = np.flatnonzero(self.legs_m < 1e-3)
-        return [
-            Fault(
-                key=("points", int(i) + 1),
-                problem="is where the next one is; neighbours must be a millimetre apart",
-                hint="a closed way needs no copy of its first point" if self.closed else "",
-            )
-            for i in near
-        ]
-
-    def knots(self, robot: RobotParameters) -> tuple[int, ...]:
-        """Of each leg."""
-        spacing = robot.swing_length_m / KNOTS_PER_SWING
-        return tuple(max(LEAST_KNOTS, int(np.ceil(leg / spacing))) for leg in self.legs_m)
-
-    def _beyond(self, rows: list[int], limits: Limits) -> Fault:
-        """These points are outside of the workspace."""
-        x, y = self.points_m[rows[0]]
-        width, height = limits.workspace_m
-        others = f", and {len(rows) - 1} more that are outside" if len(rows) > 1 else ""
-        return Fault(
-            key=("points", rows[0] + 1),
-            got=f"({x:.4g}, {y:.4g}) m{others}",
-            allowed=f"within the workspace, {width:.4g} × {height:.4g} m about the origin",
-            hint="allow a larger --workspace, or move the points in (a drawing: --scale)",
-        )
-
-    def _too_long(self, count: int) -> Fault:
-        """The way has too many knots."""
-        return Fault(
-            key=("points",),
-            problem=f"{len(self.points_m)} of them along {self.legs_m.sum():.4g} m make {count:,} "
-            f"steps of the plan, which has at most {MOST_KNOTS:,}",
-            hint="take fewer points or a shorter way, or plan it in parts",
-        )
 
 
 @dataclass(frozen=True, slots=True)

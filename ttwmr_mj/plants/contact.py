@@ -3,10 +3,8 @@
 import copy
 import os
 from functools import partial
-from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from ttwmr_mj.config import column, columns, each, rows_of
 from ttwmr_mj.dynamics.ground import LEVEL, Ground
@@ -16,11 +14,12 @@ from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
 from ttwmr_mj.plants.engine import batch, mujoco
 from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.names import WHEELS, casters, contact_sensor, contacts, trailer_part
+from ttwmr_mj.plants.names import WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.relief import Relief, take_off
 from ttwmr_mj.plants.stance import Stance
 from ttwmr_mj.robot import RobotParameters
@@ -33,19 +32,7 @@ AROUND: FloatArray = (_RINGS * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
 # How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
 # order of summation leaves; a mirrored robot must stand in exactly the same way.
-NEAR_M = 1e-4  # of the ground: a wheel is not off it
 SETTLED_DECIMALS = 15
-
-
-class WheelContacts(NamedTuple):
-    """What the floor does to each wheel and ball (..., 3 + 2n, 3), as ordered by `names.contacts`.
-
-    World frame.
-    """
-
-    force_n: FloatArray  # of the floor on the robot; zero without contact
-    position_m: FloatArray  # contact points
-    slip_m_s: FloatArray  # velocity of the robot's surface over the floor
 
 
 class ContactPlant(Plant):
@@ -124,7 +111,7 @@ class ContactPlant(Plant):
         touching = contacts(trailers)
         self._touching = [int(self.model.body(name).id) for name in touching]
         self._touching_geoms = [int(self.model.geom(name).id) for name in touching]
-        self._contact_columns = _contact_columns(self.model, touching)
+        self._contact_columns = contact_columns(self.model, touching)
 
     def _standing_on(self, reliefs: list[Relief]) -> Stance:
         """What tells how the robots stand on their grounds."""
@@ -345,25 +332,3 @@ def _reach_m(robot: RobotParameters) -> float:
     towed = sum(trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers)
     last = robot.trailers[-1].com_offset_m + robot.casters.trailer_half_spacing_m
     return max(robot.casters.tractor_position_m, towed + last) + robot.casters.radius_m
-
-
-def _contact_columns(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
-    """(contacts, 15) columns of sensordata that hold each contact's readings."""
-    starts = [int(model.sensor(contact_sensor(name)).adr[0]) for name in names]
-    return np.array(starts)[:, None] + np.arange(15)
-
-
-def read_contacts(readings: FloatArray) -> WheelContacts:
-    """Contact sensor readings (..., 15) as forces, points and slip in the world frame.
-
-    The sensor speaks in the contact frame (normal, tangent, their cross product), whose normal
-    points from the robot to the floor, of the force *on the floor* and of the floor's velocity
-    relative to the robot: both change sign here.
-    """
-    force, position, normal, tangent, velocity = np.split(readings, 5, axis=-1)
-    frame = np.stack([normal, tangent, np.cross(normal, tangent)], axis=-2)
-    return WheelContacts(
-        force_n=-np.einsum("...i,...ij->...j", force, frame),
-        position_m=np.array(position),
-        slip_m_s=-np.einsum("...i,...ij->...j", velocity, frame),
-    )

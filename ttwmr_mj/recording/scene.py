@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import rerun as rr
 
-from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.outline import VISUAL_GROUP
 from ttwmr_mj.plants.relief import Relief

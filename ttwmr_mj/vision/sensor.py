@@ -97,12 +97,11 @@ class CameraSensor(Sensor):
         self._faults = [DeliveryFaults(delivery, child) for child in children[1::3]]
         self._log: list[CameraRecord] | None = None
         self._frames_every = self._frames = 0  # kept one in, so far
-        self._period_s = period_s
+        self._period_s, self._believed = period_s, believed
         channel = section, period_s, children[2::3], told_latency_s
         self._travelling = MeasurementQueue[Future[Frames]](*channel)
         self._arrived = np.full(nsim, -1)  # period in which the last frames were taken
         self._command_latency_s = told_command_latency_s
-        self._believed = believed
         self._joint_positions = joint_positions
         self._k = 0
 

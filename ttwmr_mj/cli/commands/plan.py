@@ -13,7 +13,8 @@ from ttwmr_mj.errors import Fault, InputError, MachineError
 
 if TYPE_CHECKING:
     from ttwmr_mj.planning.points import Points
-    from ttwmr_mj.planning.through_points import Found, Request
+    from ttwmr_mj.planning.request import Request
+    from ttwmr_mj.planning.through_points import Found
     from ttwmr_mj.planning.transcription import Limits
     from ttwmr_mj.robot import RobotParameters
 
@@ -162,7 +163,8 @@ class PlanCommand(Overrides, Quiet, name="plan"):
     def _plan(
         self, points: Points, robot: RobotParameters, limits: Limits
     ) -> tuple[Request, Found]:
-        from ttwmr_mj.planning.through_points import Request, plan_through
+        from ttwmr_mj.planning.request import Request
+        from ttwmr_mj.planning.through_points import plan_through
         from ttwmr_mj.runs.progress import progress_bar
 
         request = Request(points.points_m, self.closed or points.closed, self.duration)

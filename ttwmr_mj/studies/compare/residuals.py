@@ -17,7 +17,7 @@ from ttwmr_mj.dynamics.train import (
     swing_bias,
     swing_matrix,
 )
-from ttwmr_mj.plants.contact import read_contacts
+from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.names import CONTACTS, contacts
 from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
 from ttwmr_mj.studies.compare.deviation import Numbers, largest, rms
