@@ -20,7 +20,7 @@ def test_standard_deviations_are_those_of_linear_least_squares() -> None:
     residual = np.tile([1.0, 2.0, -1.0, 0.5, -1.0, -2.0, 1.0, -0.5], 5)  # alternating: no memory
     covariance = np.linalg.inv(jacobian.T @ jacobian) * (residual @ residual) / (40 - 3)
     expected = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(standard_deviation(residual, jacobian), expected, rtol=1e-12)
+    np.testing.assert_allclose(standard_deviation(residual, jacobian, 4), expected, rtol=1e-12)
     # neighbours that are correlated by ρ count as (1 − ρ)/(1 + ρ) of their number
     rows = residual.reshape(10, 4)
     slow = np.repeat(rows, 4, axis=0)
@@ -29,7 +29,7 @@ def test_standard_deviations_are_those_of_linear_least_squares() -> None:
     freedom = 160 * (1 - correlation) / (1 + correlation) - 3
     covariance = np.linalg.inv(wide.T @ wide) * (slow**2).sum() / freedom
     expected = np.sqrt(np.diag(covariance))
-    np.testing.assert_allclose(standard_deviation(slow.ravel(), wide), expected, rtol=1e-12)
+    np.testing.assert_allclose(standard_deviation(slow.ravel(), wide, 4), expected, rtol=1e-12)
 
 
 @pytest.mark.slow
@@ -96,6 +96,6 @@ def test_few_independent_samples_make_wide_intervals() -> None:
     rows[0] = rng.normal(size=4)
     for before, row in itertools.pairwise(rows):
         row[:] = 0.9 * before + np.sqrt(1.0 - 0.9**2) * rng.normal(size=4)
-    assert freedom(rows.ravel(), 3) == pytest.approx(16000 * 0.1 / 1.9 - 3, rel=0.1)
-    assert freedom(np.ones(80), 3) == 1.0  # never less than one
-    assert freedom(np.tile([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0], 10), 3) == 77.0
+    assert freedom(rows.ravel(), 3, 4) == pytest.approx(16000 * 0.1 / 1.9 - 3, rel=0.1)
+    assert freedom(np.ones(80), 3, 4) == 1.0  # never less than one
+    assert freedom(np.tile([1.0, 1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0], 10), 3, 4) == 77.0

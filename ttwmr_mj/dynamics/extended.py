@@ -37,13 +37,12 @@ from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_world
-from ttwmr_mj.dynamics.kinetics import first_moments
+from ttwmr_mj.dynamics.kinetics import first_moments, total_mass
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
-STATES = 5  # x, y, θ1, θ2, swing rate
 
 
 class ExtendedParameters(Config):
@@ -71,13 +70,13 @@ class ExtendedParameters(Config):
         default=0.0,
         ge=0,
         le=1e4,
-        description="coefficient of the hitch's damper and viscous friction; typically 1e-3",
+        description="coefficient of every hitch's damper and viscous friction; typically 1e-3",
     )
     hitch_coulomb_friction_n_m: float = Field(
         default=0.0,
         ge=0,
         le=1e3,
-        description="torque of the hitch's dry friction; typically below 1e-3",
+        description="torque of every hitch's dry friction; typically below 1e-3",
     )
     caster_mass_kg: float = Field(
         default=0.0, ge=0, le=10, description="mass of one rolling ball; typically 1e-3"
@@ -110,15 +109,18 @@ class ExtendedParameters(Config):
         )
 
 
-class _Motion(NamedTuple):
-    """How the robot moves, (nsim,) each, in SI units."""
+class Motion(NamedTuple):
+    """How the robot moves, (nsim,) each, in SI units.
+
+    Of several trailers (nsim, n): θ2 − θ1, θ3 − θ1, … and their rates.
+    """
 
     u1: FloatArray  # of P, ahead
     u2: FloatArray  # θ̇1
     u1_rate: FloatArray
     u2_rate: FloatArray
     hitch: FloatArray  # θ2 − θ1
-    theta2_rate: FloatArray
+    trailer_rate: FloatArray  # θ̇2
     pull: Pull  # of gravity, seen from the tractor
 
 
@@ -159,13 +161,13 @@ class ExtendedModel:
         hitch = theta2 - theta1
         # once with the ideal speeds for the forces, once with what these leave of them
         pull = self.ground.pull(theta1)
-        ideal = _Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate, pull)
+        ideal = Motion(*self.twist(wheels), *self.twist(wheels_rate), hitch, swing_rate, pull)
         push = self._push(ideal, self._theta2_acceleration(ideal))
         u1, u2 = self.twist(wheels + lead_s * wheels_rate + self._shortfall(push, wheels_rate))
         tail, lean = self._tail
         reach = tail / self.swing_inertia_kg_m2 * (u1 - ideal.u1)
         theta2_rate = swing_rate - reach * np.sin(hitch - lean)
-        turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, theta2_rate=theta2_rate))
+        turning = self._theta2_acceleration(ideal._replace(u1=u1, u2=u2, trailer_rate=theta2_rate))
         turning += reach * np.cos(hitch - lean) * (theta2_rate - u2)
         velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
         return np.stack([*velocity, u2, theta2_rate, turning])
@@ -244,43 +246,58 @@ class ExtendedModel:
         lever, weight = self.values["rolling_resistance_m"], self.ground.normal_gravity_m_s2
         return held_back(self.robot, lever, weight)
 
-    def _hitch_torque(self, motion: _Motion) -> FloatArray:
+    def _hitch_torque(self, motion: Motion) -> FloatArray:
         """(nsim,) torque of spring and damper on the trailer [N·m]."""
-        damping = self.values["hitch_damping_n_m_s_rad"] * (motion.theta2_rate - motion.u2)
+        damping = self.values["hitch_damping_n_m_s_rad"] * (motion.trailer_rate - motion.u2)
         return np.asarray(-self.robot.hitch.stiffness_n_m_rad * motion.hitch - damping)
 
-    def _theta2_acceleration(self, motion: _Motion) -> FloatArray:
+    def _theta2_acceleration(self, motion: Motion) -> FloatArray:
         """θ̈2 (Eq. 17) under spring, damper and rolling balls."""
-        u1, u2, u1_rate, u2_rate, hitch, _, pull = motion
+        u1, u2, _, _, hitch, _, pull = motion
         slip = self.values["slip_time_s"]
-        ahead = u1_rate + slip * u1 * u2**2
-        left = u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
+        ahead, left = self._p_acceleration(motion)
         tail, lean = self._tail
         torque = tail * sideways(hitch - lean, ahead, left)
         torque -= first_moments(self.robot)[1] * sideways(hitch - self.robot.lean_rad, *pull)
         p_speed = u1, -slip * u1 * u2
         torque += self._hitch_torque(motion)
-        torque += resisting_torque(hitch, p_speed, motion.theta2_rate, self.robot, self._held_back)
+        torque += resisting_torque(hitch, p_speed, motion.trailer_rate, self.robot, self._held_back)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
-    def _push(self, motion: _Motion, swing: FloatArray) -> FloatArray:
+    def _p_acceleration(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
+        """(nsim,) of P, which slips, ahead and to the left."""
+        u1, u2, u1_rate, u2_rate, *_ = motion
+        slip = self.values["slip_time_s"]
+        ahead = u1_rate + slip * u1 * u2**2
+        return ahead, u1 * u2 - slip * (u1_rate * u2 + u1 * u2_rate)
+
+    def _push(self, motion: Motion, swing: FloatArray) -> FloatArray:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]: f and τ of Eq. 23."""
-        u1, u2, u1_rate, u2_rate, hitch, theta2_rate, pull = motion
-        tractor, trailer, casters = self.robot.tractor, self.robot.trailer, self.robot.casters
-        nose, tail = first_moments(self.robot)
+        u1, _, _, _, hitch, theta2_rate, _ = motion
+        tail = first_moments(self.robot)[1]
         cos, sin = np.cos(hitch), np.sin(hitch)
         swung = hitch - self.robot.lean_rad
-        force = (tractor.mass_kg + trailer.mass_kg) * (u1_rate - pull.ahead) - nose * u2**2
-        force += tail * (np.sin(swung) * swing + np.cos(swung) * theta2_rate**2)
+        towed = tail * (np.sin(swung) * swing + np.cos(swung) * theta2_rate**2)
+        # what holds back the trailer's two balls, as far as they drag P along
+        drag, length = self._held_back, self.robot.trailer.com_offset_m
+        along, across = direction(u1 * cos, u1 * sin + length * theta2_rate)
+        towed += (drag.right + drag.left) * (along * cos + across * sin)
+        return self._on_wheels(motion, towed, self._hitch_torque(motion))
+
+    def _on_wheels(
+        self, motion: Motion, towed_n: FloatArray, hitch_torque_n_m: FloatArray
+    ) -> FloatArray:
+        """Force of each wheel, for what swinging trailers and their balls pull P back with."""
+        u1, u2, u1_rate, u2_rate, *_, pull = motion
+        tractor, casters = self.robot.tractor, self.robot.casters
+        nose = tractor.mass_kg * tractor.com_offset_m
+        force = total_mass(self.robot) * (u1_rate - pull.ahead) - nose * u2**2 + towed_n
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
-        torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + self._hitch_torque(motion)
-        # what holds back the nose's ball, and the trailer's two as far as they drag P along
-        drag = self._held_back
+        torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + hitch_torque_n_m
+        drag = self._held_back.nose
         ahead, aside = direction(u1, casters.tractor_position_m * u2)
-        force += drag.nose * ahead
-        torque += drag.nose * casters.tractor_position_m * aside
-        along, across = direction(u1 * cos, u1 * sin + trailer.com_offset_m * theta2_rate)
-        force += (drag.right + drag.left) * (along * cos + across * sin)
+        force += drag * ahead
+        torque += drag * casters.tractor_position_m * aside
         share = torque / self.values["track_width_m"]
         return np.stack([0.5 * force + share, 0.5 * force - share], axis=-1)
 

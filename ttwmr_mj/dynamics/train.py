@@ -138,7 +138,7 @@ def accelerations_of(
     torque_n_m: FloatArray | float = 0.0,
 ) -> FloatArray:
     """`trailer_accelerations` of `constants`, for who asks often: a robot's hash takes time."""
-    angle = _apart(theta, train)
+    angle = apart(theta, train)
     x, y = acceleration_m_s2[..., 0, None], acceleration_m_s2[..., 1, None]
     load = train.moment_kg_m * sideways(theta - train.lean_rad, x, y)
     bias = _sum(train.size_kg_m2 * np.sin(angle) * (rate**2)[..., None, :])
@@ -206,10 +206,11 @@ def _moments(robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
 def _couplings(theta: FloatArray, robot: RobotParameters) -> tuple[FloatArray, FloatArray]:
     """A_ij (n, n) and Δ_ij (..., n, n)."""
     train = constants(robot)
-    return train.size_kg_m2, _apart(theta, train)
+    return train.size_kg_m2, apart(theta, train)
 
 
-def _apart(theta: FloatArray, train: Constants) -> FloatArray:
+def apart(theta: FloatArray, train: Constants) -> FloatArray:
+    """Δ_ij (..., n, n) with what leans add to them."""
     return np.asarray(theta[..., :, None] - theta[..., None, :] + train.turned_rad)
 
 

@@ -3,11 +3,13 @@
 import numpy as np
 
 from ttwmr_mj.dynamics.extended import ExtendedModel
+from ttwmr_mj.dynamics.extended_train import with_hitches
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import ModelPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
+from ttwmr_mj.plants.train_swing import longest_step_s
 from ttwmr_mj.state import THETA2, BoolArray, FloatArray, RobotState
 
 
@@ -23,7 +25,7 @@ class ExtendedPlant(ModelPlant):
             InputError: the integration would be unstable for this hitch.
         """
         self._model = model
-        longest_s = RK4_STABLE_RADIUS / max(float(np.max(_fastest(model))), np.finfo(float).tiny)
+        longest_s = _longest_step_s(model)
         if max_integration_step_s > longest_s:
             raise InputError.at(
                 "plant.analytic.max_step_s",
@@ -34,11 +36,12 @@ class ExtendedPlant(ModelPlant):
                 hint="lower it, or the spring's and damper's constants",
             )
         timing = time_step_s, max_integration_step_s, model.physics_step_s
-        super().__init__(model.robot.servo, nsim, *timing)
+        self._width = 3 + len(model.robot.trailers)
+        super().__init__(model.robot.servo, nsim, *timing, trailers=self._width - THETA2)
 
     def reset(self, initial: RobotState) -> None:
         """Take over pose and motion; the setpoints are those that drive like that."""
-        self._state = np.vstack([initial.q.T, initial.q_rate[:, THETA2]])
+        self._state = np.vstack([initial.q.T, initial.q_rate[:, THETA2:].T])
         self._setpoint = self._model.wheels(workspace_rate(initial.q, initial.q_rate)[:, :2])
         self._setpoint_rate: FloatArray = np.zeros((self.nsim, 2))
         self._lead_s: FloatArray = np.zeros((self.nsim, 2))
@@ -46,7 +49,9 @@ class ExtendedPlant(ModelPlant):
     def state(self) -> RobotState:
         """The state now, as fresh arrays."""
         rate = self._model.rate(self._state, self._setpoint, self._setpoint_rate, self._lead_s)
-        return RobotState(q=self._state[:-1].T.copy(), q_rate=rate[:-1].T.copy())
+        return RobotState(
+            q=self._state[: self._width].T.copy(), q_rate=rate[: self._width].T.copy()
+        )
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations with a state that is not finite."""
@@ -62,6 +67,15 @@ class ExtendedPlant(ModelPlant):
         self._setpoint_rate = stretches.rate_rad_s2[last, each]
         self._lead_s = stretches.lead_s[last, each]
         self._setpoint = end_rad_s
+
+
+def _longest_step_s(model: ExtendedModel) -> float:
+    """Stable for the hitches' springs and dampers."""
+    if len(model.robot.trailers) > 1:
+        return longest_step_s(
+            with_hitches(model.robot, float(np.max(model.values["hitch_damping_n_m_s_rad"])))
+        )
+    return float(RK4_STABLE_RADIUS / max(float(np.max(_fastest(model))), np.finfo(float).tiny))
 
 
 def _fastest(model: ExtendedModel) -> FloatArray:

@@ -48,7 +48,7 @@ class TrainSwing:
         """Take the constants; arguments as of `HitchSwing`."""
         self._robot = robot
         self._friction = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
-        self._sum = np.tril(np.ones((len(robot.trailers),) * 2))  # C
+        self._sum = _sums(robot)
         self._forces = all_held_back(robot, ground.normal_gravity_m_s2)
         self._resisted = any(right or left for _, right, left in self._forces)
         self._sprung = any(h.stiffness_n_m_rad or h.damping_n_m_s_rad for h in robot.hitches)
@@ -58,7 +58,7 @@ class TrainSwing:
             for (_, right, left), trailer in zip(self._forces, robot.trailers, strict=True)
         )
         self._fading = max(FADING_M_S, float(slowing) * longest_s)
-        self.longest_step_s = _longest_step_s(robot, self._sum)
+        self.longest_step_s = longest_step_s(robot)
 
     def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
         """Hitch angles [rad] and rates [rad/s], (2, n, nsim), after one stretch of time."""
@@ -139,8 +139,14 @@ def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.asarray(np.add.accumulate(a * b)[-1])
 
 
-def _longest_step_s(robot: RobotParameters, sums: FloatArray) -> float:
-    """Stable for springs and dampers however the trailers are turned."""
+def _sums(robot: RobotParameters) -> FloatArray:
+    """C."""
+    return np.tril(np.ones((len(robot.trailers),) * 2))
+
+
+def longest_step_s(robot: RobotParameters) -> float:
+    """Stable for springs and dampers however the trailers are turned; infinite without them."""
+    sums = _sums(robot)
     stiffness, damping = (
         np.diag([getattr(hitch, name) for hitch in robot.hitches])
         for name in ("stiffness_n_m_rad", "damping_n_m_s_rad")

@@ -92,7 +92,7 @@ def _of_equations(scenario: Scenario, nsim: int) -> Plant:
     rows = rows_of(scenario, nsim)
     who = defaultdict[tuple[Any, ...], list[int]](list)
     for i, row in enumerate(rows):
-        who[row.robot, row.ground].append(i)
+        who[row.robot, row.ground, row.plant.analytic].append(i)
     parts = [(_equations(rows[i[0]], len(i)), np.array(i)) for i in who.values()]
     return parts[0][0] if len(parts) == 1 else SideBySide(parts)
 
@@ -106,10 +106,10 @@ def _equations(scenario: Scenario, nsim: int) -> Plant:
 
         return KineticPlant(robot, nsim, step_s, longest_s, scenario.ground)
     if options.analytic.extended is not None:
-        from ttwmr_mj.dynamics.extended import ExtendedModel
+        from ttwmr_mj.dynamics.extended_train import extended_model
         from ttwmr_mj.plants.extended import ExtendedPlant
 
-        model = ExtendedModel.of(robot, options.analytic.extended, scenario.ground)
+        model = extended_model(robot).of(robot, options.analytic.extended, scenario.ground)
         return ExtendedPlant(model, nsim, step_s, longest_s)
     from ttwmr_mj.plants.analytic import AnalyticPlant
 

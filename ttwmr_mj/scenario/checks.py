@@ -83,7 +83,6 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=place, got=f"{hitch.play_m:g}", problem=problem)
     problem = f"does not work with {count} trailers"
     refused = {
-        ("plant", "analytic", "extended"): (bool(scenario.plant.analytic.extended), "given"),
         ("plant", "analytic", "published_spring"): (
             scenario.plant.analytic.published_spring,
             "true",

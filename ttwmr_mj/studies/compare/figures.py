@@ -236,7 +236,9 @@ def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
 
 def _draw_fit(figure: Figure, fit: Fit) -> None:
     axes = figure.subplots()
-    names = ["P, rms", "P, largest", "θ1, rms", "θ2, rms", "θ2, largest"]  # as in fit.MEASURES
+    names = ["P, rms", "P, largest", "θ1, rms"]  # as in fit.MEASURES
+    trailers = range(2, 2 + (len(fit.training.plain) - len(names)) // 2)
+    names += [f"θ{i}, {what}" for i in trailers for what in ("rms", "largest")]
     place = np.arange(len(names))
     for offset, gain, colour, when in (
         (-0.2, fit.training, GREY, "fitted on"),

@@ -203,8 +203,10 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         problem = "the extended model is driven by wheel speeds, this scenario by torques"
         hint = "set control.inner_loop to 'velocity_servo'"
         raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
-    if (count := len(scenario.robot.trailers)) > 1 and options.fit:
-        raise InputError.at("--fit", "the extended model has one trailer", got=f"{count} trailers")
+    hitches = {(h.damping_n_m_s_rad, h.coulomb_friction_n_m) for h in scenario.robot.hitches}
+    if options.fit and len(hitches) > 1:
+        problem = "fits one damping and one dry friction to all hitches, and these differ in them"
+        raise InputError.at("--fit", problem, got=str(sorted(hitches)))
 
 
 def _driver(options: Options) -> str:

@@ -1,6 +1,6 @@
 """Parameters of the extended model, identified from a contact run and validated on another one.
 
-Least squares over the deviations of x, y, θ1 and θ2 at the control samples, each weighted with the
+Least squares over the deviations of x, y, θ1, θ2, … at the control samples, each weighted with the
 rms of what the plain model misses by. Where the data cannot tell parameters apart (hitch damping
 and the balls' inertia act through their ratio alone), a faint pull towards what the robot's own
 numbers lead to expect decides.
@@ -40,8 +40,7 @@ MEASURES = (
     "position_deviation_rms_m",
     "position_deviation_max_m",
     "theta1_deviation_rms_rad",
-    "theta2_deviation_rms_rad",
-    "theta2_deviation_max_rad",
+    *(f"theta{i}_deviation_{what}_rad" for i in range(2, 7) for what in ("rms", "max")),
 )
 
 
@@ -188,8 +187,9 @@ class _Search:
         value = self.start + SCALE * found.x
         data = len(found.fun) - len(value)  # the rest is the pull's
         residual, jacobian = found.fun[:data], found.jac[:data]
-        deviation = SCALE * standard_deviation(residual, jacobian)
-        free = freedom(residual, len(value))
+        width = self._true.shape[1]
+        deviation = SCALE * standard_deviation(residual, jacobian, width)
+        free = freedom(residual, len(value), width)
         low = value - stdtrit(free, TWO_SIDED) * deviation
         at_bound = low <= FLOOR
         level = np.where(at_bound, ONE_SIDED, TWO_SIDED)
@@ -197,7 +197,7 @@ class _Search:
         return value, np.where(at_bound, FLOOR, low), high
 
     def residual(self, step: FloatArray) -> FloatArray:
-        """(data + p,) weighted deviations x, y, θ1, θ2 of every sample, and the pull."""
+        """(data + p,) weighted deviations x, y, θ1, θ2, … of every sample, and the pull."""
         return self._shoot(step.tobytes())[0]
 
     def jacobian(self, step: FloatArray) -> FloatArray:
@@ -217,7 +217,7 @@ class _Search:
         return residual, np.vstack([change, self._pull])
 
 
-def standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray:
+def standard_deviation(residual: FloatArray, jacobian: FloatArray, width: int) -> FloatArray:
     """(p,) of each parameter, if what is left is noise as correlated in time as it looks.
 
     Neighbouring samples miss in the same way, so there are fewer independent ones than samples, by
@@ -225,19 +225,20 @@ def standard_deviation(residual: FloatArray, jacobian: FloatArray) -> FloatArray
     all gets no bound.
 
     Args:
-        residual: (4·n,) four columns of every sample, one sample after the other.
-        jacobian: (4·n, p).
+        residual: (width·n,) the columns of every sample, one sample after the other.
+        jacobian: (width·n, p).
+        width: columns.
     """
     power = float(np.sum(residual**2))
     _, singular, axes = np.linalg.svd(jacobian, full_matrices=False)
     with np.errstate(divide="ignore"):
         variance = ((axes.T / singular) ** 2).sum(axis=1)
-    return np.asarray(np.sqrt(variance * power / freedom(residual, jacobian.shape[1])))
+    return np.asarray(np.sqrt(variance * power / freedom(residual, jacobian.shape[1], width)))
 
 
-def freedom(residual: FloatArray, parameters: int) -> float:
-    """How many independent samples (4·n,) residuals hold beyond the parameters; at least one."""
-    rows = residual.reshape(-1, 4)
+def freedom(residual: FloatArray, parameters: int, width: int) -> float:
+    """Independent samples that (width·n,) residuals hold beyond the parameters; at least one."""
+    rows = residual.reshape(-1, width)
     before, after = rows[:-1].ravel(), rows[1:].ravel()
     power = float(np.sum(rows**2))
     correlation = float(np.clip(before @ after / power, 0.0, 0.999)) if power else 0.0
@@ -250,7 +251,7 @@ def _gain(run: ContactRun, value: FloatArray) -> Gain:
 
     def deviations(rows: Trajectory) -> dict[str, float]:
         numbers = Deviation.between(run.trajectory, rows).numbers()
-        return {name: size for name in MEASURES if (size := numbers[name]) is not None}
+        return {name: size for name in MEASURES if (size := numbers.get(name)) is not None}
 
     plain = replay_analytic(run.scenario, run.commands)
     fitted = replace(run.trajectory, q=Shooting(run).run(value)[0][:, None])

@@ -3,7 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.dynamics.extended import STATES, ExtendedModel
+from ttwmr_mj.dynamics.extended import ExtendedModel
+from ttwmr_mj.dynamics.extended_train import extended_model
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches, cut, limit_speed
 from ttwmr_mj.state import THETA2, FloatArray
@@ -35,31 +36,34 @@ class Shooting:
     def __init__(self, run: ContactRun) -> None:
         self._run, self._robot = run, run.robot
         self._physics_step_s = run.scenario.plant.contact.timestep_s
-        self._guess: FloatArray | None = None  # (stretches + 1, STATES)
+        trailers = len(run.robot.trailers)
+        self._width, self._states = 3 + trailers, 3 + 2 * trailers
+        self._guess: FloatArray | None = None  # (stretches + 1, states)
 
     def run(self, values: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The run with parameters (p,) in the order of `SCALES`.
 
         Returns:
-            q (periods + 1, 4) and its derivatives (periods + 1, 4, p) by steps of scales.
+            q (periods + 1, width) and its derivatives (periods + 1, width, p) by steps of scales.
         """
         columns = np.vstack([values, values + DIFFERENCE * np.diag(SCALE)])
         stretches, passed = self._cut(columns)
         guess = self._guess
         if guess is None or len(guess) != len(stretches.duration_s) + 1:
             guess = self._contact_physics(stretches)
-        column = np.append(np.zeros(1 + STATES - FIRST, np.intp), np.arange(1, len(columns)))
+        column = np.append(np.zeros(1 + self._states - FIRST, np.intp), np.arange(1, len(columns)))
 
         def ends(states: FloatArray, which: slice) -> FloatArray:
             parts = (part[which][:, column].swapaxes(0, 1) for part in stretches)
             batch = Stretches(*(part.reshape(-1, *part.shape[2:]) for part in parts))
             model = self._model(np.repeat(columns[column], states.shape[1], axis=0))
-            now = np.ascontiguousarray(states.reshape(-1, STATES).T)
+            now = np.ascontiguousarray(states.reshape(-1, self._states).T)
             return model.step(now, batch).T.reshape(states.shape)
 
         self._guess, slope = shoot(ends, guess, len(values))
         samples = np.append(0, passed)
-        return self._guess[samples, :4], slope[samples, :4] / DIFFERENCE
+        width = self._width
+        return self._guess[samples, :width], slope[samples, :width] / DIFFERENCE
 
     def _cut(self, columns: FloatArray) -> tuple[Stretches, NDArray[np.intp]]:
         """Stretches (n, p + 1) of every column of parameters, and how many each period ends."""
@@ -87,13 +91,13 @@ class Shooting:
         return self._run.start.q, self._run.start.q_rate
 
     def _contact_physics(self, stretches: Stretches) -> FloatArray:
-        """(n + 1, STATES) of contact physics at the stretches' ends."""
+        """(n + 1, states) of contact physics at the stretches' ends."""
         physics, time_s = self._run.physics, np.append(0.0, np.cumsum(stretches.duration_s[:, 0]))
-        columns = [*physics.q.T, physics.q_rate[:, THETA2]]
+        columns = [*physics.q.T, *physics.q_rate[:, THETA2:].T]
         return np.stack([np.interp(time_s, physics.time_s, column) for column in columns], axis=-1)
 
     def _model(self, values: FloatArray) -> ExtendedModel:
         """The model with parameters (nsim, p)."""
         parameters = dict(zip(SCALES, values.T, strict=True))
         ground = self._run.scenario.ground
-        return ExtendedModel(self._robot, parameters, self._physics_step_s, ground)
+        return extended_model(self._robot)(self._robot, parameters, self._physics_step_s, ground)
