@@ -139,7 +139,8 @@ def test_where_mujoco_cannot_start_nothing_is_run_and_nothing_said_of_the_laws(
     assert done.returncode == 1
     assert done.stderr.splitlines() == [
         "ttwmr: 7 rows were not run, which is no fault of a law; the same command tries again:",
-        "  lyapunov-circle-analytic-truth-none-0 and 6 more: RuntimeError: this library is damaged",
+        "  lyapunov-circle-analytic-truth-none-0 and 6 more: "
+        "RuntimeError: this library is damaged (mujoco.py:1)",
     ]
     assert not list(folder.glob("out/runs/*/row.json"))
     assert not (folder / "out" / "leaderboard.md").exists()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -70,6 +71,11 @@ def other_keys(path: Path) -> None:
         path.write_text("[]" if path.suffix == ".json" else "[[x]]\n")
 
 
+def looped(path: Path) -> None:
+    """A link to itself."""
+    path.symlink_to(path)
+
+
 DAMAGES = [garbage, truncated, emptied, other_types, other_keys]
 Damage = Callable[[Path], None]
 
@@ -117,6 +123,25 @@ def test_bench_runs_damaged_rows_again(benched: Path) -> None:
         assert main(words) == 0
         assert np.array_equal(Trajectory.read(rows[0] / "trajectory.parquet").q, whole.q)
         assert (rows[1] / "metrics.json").stat().st_mtime_ns == kept  # the other is used again
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["row.json", "made_of.json", "metrics.json"])
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo, looped])
+def test_bench_makes_rows_again_whose_files_are_none(
+    make: Callable[[Path], None], name: str, benched: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["bench", str(benched / "pair.toml"), "--out", str(benched / "out"), "--quiet"]
+    row = sorted((benched / "out/runs").iterdir())[0]
+    said = (row / "row.json").read_bytes()
+    (row / name).unlink()
+    make(row / name)
+    rescored = main([*words, "--rescore"])
+    assert rescored == (1 if name == "row.json" else 0)
+    assert "TypeError" not in capsys.readouterr().err
+    assert main(words) == 0
+    assert (row / name).is_file()
+    assert (row / "row.json").read_bytes() == said
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
@@ -185,6 +210,21 @@ def test_a_damaged_run_is_no_traceback(
     finally:
         (a_run / name).write_bytes(before)
         (a_run / "metrics.json").write_bytes(said)
+
+
+@pytest.mark.parametrize("name", ["trajectory.parquet", "metrics.json"])
+def test_a_pipe_in_a_run_folder_is_not_waited_for(
+    name: str, a_run: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = (a_run / name).read_bytes()
+    (a_run / name).unlink()
+    os.mkfifo(a_run / name)
+    try:
+        assert main(["score", str(a_run), "--quiet"]) == 2
+        assert name in capsys.readouterr().err
+    finally:
+        (a_run / name).unlink()
+        (a_run / name).write_bytes(before)
 
 
 @pytest.mark.parametrize("damage", [garbage, truncated, emptied])

@@ -154,6 +154,14 @@ def test_arrow_keys_add_up_and_have_an_end(typed: tuple[int, Hands]) -> None:
         assert not hands.ended
 
 
+def test_a_terminal_that_vanishes_ends_the_drive(typed: tuple[int, Hands]) -> None:
+    terminal, hands = typed
+    with hands:
+        os.close(terminal)
+        hands.look()
+        assert hands.ended
+
+
 @pytest.mark.usefixtures("typed")
 def test_a_gamepads_stick_sets_both(tmp_path: Path) -> None:
     pad = tmp_path / "js0"

@@ -239,6 +239,30 @@ def test_view_serves_loopback_only_and_ends_with_its_command(served: SimpleNames
     assert not any(map(listens, served.ports))
 
 
+def test_a_viewer_that_ends_ends_its_command(served: SimpleNamespace) -> None:
+    give_up_s = time.monotonic() + 60.0
+    while not listens(served.ports[0]):
+        assert time.monotonic() < give_up_s, served.line
+        time.sleep(0.1)
+    children = Path(f"/proc/{served.process.pid}/task/{served.process.pid}/children")
+    (viewer_of_it,) = map(int, children.read_text().split())
+    os.kill(viewer_of_it, signal.SIGKILL)
+    assert served.process.wait(30) == 1
+
+
+def test_two_viewers_at_once_have_ports_of_their_own() -> None:
+    code = (
+        "from ttwmr_mj.recording.viewer import free_port as f; print(f(9090), flush=True); input()"
+    )
+    ask = [sys.executable, "-c", code]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(ask, **pipes) as one, subprocess.Popen(ask, **pipes) as other:
+        ports = [process.stdout.readline() for process in (one, other)]
+        for process in (one, other):
+            process.communicate("\n")
+    assert ports[0] != ports[1]
+
+
 def test_a_server_does_not_outlive_a_killed_command(served: SimpleNamespace) -> None:
     give_up_s = time.monotonic() + 60.0
     while not listens(served.ports[0]):

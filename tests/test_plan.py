@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -107,6 +108,21 @@ def test_points_that_are_too_far_or_too_many() -> None:
 def test_a_search_that_takes_too_long_ends() -> None:
     with pytest.raises(RunError, match=r"within 0.01 s of computing; try fewer points"):
         plan_through(Request(BEND), SPRUNG, limits_of(SPRUNG, 0.9), most_s=0.01)
+
+
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+def test_the_solver_does_not_swallow_ctrl_c(
+    signum: signal.Signals, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def stop(iteration: int) -> None:
+        if iteration == 3:
+            signal.raise_signal(signum)
+
+    before = signal.getsignal(signum)
+    with pytest.raises(KeyboardInterrupt):
+        plan_through(Request(BEND), SPRUNG, limits_of(SPRUNG, 0.9), progress=stop)
+    assert signal.getsignal(signum) == before
+    assert capsys.readouterr().err == ""  # CasADi's own comment on it
 
 
 @pytest.mark.filterwarnings("error")

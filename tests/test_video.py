@@ -159,6 +159,8 @@ def test_a_run_without_recording_has_a_video_without_forces(run: Path, tmp_path:
         (["-o", "film.avi"], r"-o: got film.avi; allowed: a file name with .mp4, .webm, .gif"),
         (["-o", "film.mp4", "--speed", "0"], "--speed: got 0"),
         (["-o", "film.mp4", "--start", "9"], "nothing between 9 s and 2.9"),
+        (["-o", "film.mp4", "--speed", "1e-9"], "--speed: got 1e-09; makes 8.91e+10 pictures"),
+        (["-o", "nowhere/film.mp4"], "-o: got nowhere/film.mp4; there is no folder nowhere"),
     ],
 )
 def test_what_cannot_be_shown_is_refused(
@@ -166,6 +168,19 @@ def test_what_cannot_be_shown_is_refused(
 ) -> None:
     assert main(["video", str(run), *words]) == 2
     assert said in capsys.readouterr().err
+
+
+def test_a_film_of_one_frame(run: Path, tmp_path: Path) -> None:
+    out = tmp_path / "film.gif"
+    words = ["video", str(run), "-o", str(out), "--view", "overhead", "--speed", "100"]
+    assert main([*words, "--quiet"]) == 0
+    assert len(frames_of(out)[0]) == 1
+
+
+def test_a_folder_is_no_film(run: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "film.mp4").mkdir()
+    assert main(["video", str(run), "-o", str(tmp_path / "film.mp4")]) == 2
+    assert "allowed: a file name with" in capsys.readouterr().err
 
 
 def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import stat
 from dataclasses import replace
@@ -12,7 +13,7 @@ import pytest
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import write_text, written
+from ttwmr_mj.files import read_json, write_text, written
 from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
 
 
@@ -29,6 +30,21 @@ def test_nothing_is_left_of_a_file_that_could_not_be_written(tmp_path: Path) -> 
         interrupted()
     assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
     assert file.read_text() == "good"
+
+
+def test_the_file_is_named_that_could_not_be_written(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError) as error:
+        write_text(tmp_path / "no" / "a.json", "{}")
+    assert error.value.filename == str(tmp_path / "no" / "a.json")
+
+
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.json")
+    with pytest.raises(OSError, match="Invalid argument"):
+        read_json(tmp_path / "a.json")
+    (tmp_path / "b.json").write_text("[1, 2]")
+    with pytest.raises(ValueError, match=r"b\.json holds no object"):
+        read_json(tmp_path / "b.json")
 
 
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:

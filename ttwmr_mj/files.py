@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import tomllib
@@ -62,6 +63,30 @@ def parse_toml(text: str) -> dict[str, Any]:
     raise ValueError(deep)
 
 
+def read_json(path: Path) -> dict[str, Any]:
+    """The object in a JSON file of ours.
+
+    Raises:
+        OSError: there is no such file; what is none, such as a pipe, is not waited for.
+        ValueError: it holds no object.
+    """
+    no_device(path)
+    value = json.loads(path.read_text(encoding="utf-8"))
+    if not isinstance(value, dict):
+        raise ValueError(f"{path.name} holds no object")
+    return value
+
+
+def no_device(path: Path) -> None:
+    """Refuse what may never end or never begin, such as a pipe or a device.
+
+    Raises:
+        OSError: it is there and no file.
+    """
+    if path.exists() and not path.is_file():
+        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
+
+
 @contextmanager
 def written(path: Path) -> Iterator[Path]:
     """Where to write a file that appears whole or not at all; nothing is left of a failure.
@@ -75,7 +100,9 @@ def written(path: Path) -> Iterator[Path]:
     try:
         yield temporary
         temporary.replace(path)
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, OSError) and error.filename == str(temporary):
+            error.filename = str(path)  # the name that its user knows
         with suppress(OSError):
             temporary.unlink()
         raise

@@ -33,3 +33,4 @@ def viewing(wish: str | None) -> Iterator[LiveView | None]:
             print("the page is served until Ctrl-C", flush=True)
             with suppress(KeyboardInterrupt):
                 live.wait()
+                say(f"warning: the viewer ended: {live.fault or 'it was closed'}")

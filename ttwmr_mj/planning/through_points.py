@@ -23,6 +23,7 @@ from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.planning.elastic import Elastic, Exceeded
 from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG
 from ttwmr_mj.planning.request import Request
+from ttwmr_mj.planning.solver import solved
 from ttwmr_mj.planning.transcription import (
     A1,
     A2,
@@ -202,7 +203,7 @@ def _solve(
     quiet |= {"max_iter": MOST_ITERATIONS, "max_cpu_time": most_s}
     problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
     try:
-        solution = problem.solve()
+        solution = solved(problem)
     except RuntimeError as error:
         raise RunError(_none_found(problem.stats()["return_status"], most_s)) from error
     value_of = solution.value

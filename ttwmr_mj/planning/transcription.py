@@ -20,6 +20,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.train import constants
 from ttwmr_mj.errors import RunError
+from ttwmr_mj.planning.solver import solved
 from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -200,7 +201,7 @@ def solve(
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "max_iter": 2000, "tol": 1e-9}
     problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
     try:
-        solution = problem.solve()
+        solution = solved(problem)
     except RuntimeError as error:
         raise RunError(f"the plan was not found: {problem.stats()['return_status']}") from error
     return Plan(time_s, np.array(solution.value(states)).T, int(solution.stats()["iter_count"]))

@@ -116,15 +116,36 @@ def display() -> str | None:
 
 
 def free_port(wanted: int) -> int:
-    """This port of loopback if nobody has it, else any free one."""
-    for port in (wanted, 0):
+    """This port of loopback if nobody has it, else any free one.
+
+    Until this process ends none of our others takes it, as the viewer will do a moment later.
+    """
+    for port in (wanted, 0, 0, 0):
         with socket.socket() as probe:
             try:
                 probe.bind((LOOPBACK, port))
             except OSError:
                 continue
-            return int(probe.getsockname()[1])
+            if _reserved(found := int(probe.getsockname()[1])):
+                return found
     raise MachineError("no free port on loopback")
+
+
+_reservations: list[socket.socket] = []
+
+
+def _reserved(port: int) -> bool:
+    """Whether this process has the port among those of ours, by a name that Linux knows."""
+    if sys.platform != "linux":
+        return True
+    mark = socket.socket(socket.AF_UNIX)
+    try:
+        mark.bind(f"\0ttwmr-port-{port}")
+    except OSError:
+        mark.close()
+        return False
+    _reservations.append(mark)
+    return True
 
 
 def listens(port: int, host: str = LOOPBACK) -> bool:

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import no_device
 from ttwmr_mj.results.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -72,6 +73,7 @@ def read_rows(path: Path) -> Trajectory:
 
     batches = []
     try:
+        no_device(path)
         with path.open("rb") as file:
             stream = pa.ipc.open_stream(file)
             with suppress(OSError, pa.ArrowException):  # its writer was killed in the middle of one

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError, MachineError, of_system
-from ttwmr_mj.files import write_parquet
+from ttwmr_mj.files import no_device, write_parquet
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -156,6 +156,7 @@ class Trajectory:
         import pyarrow.parquet as pq
 
         try:
+            no_device(path)
             table = pq.read_table(path)
         except (OSError, ValueError, pa.ArrowException) as error:
             reason = of_system(error) if isinstance(error, OSError) else str(error).splitlines()[0]

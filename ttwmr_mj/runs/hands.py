@@ -6,6 +6,7 @@ import struct
 import sys
 import termios
 import tty
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -58,7 +59,8 @@ class Hands:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+        with suppress(termios.error):  # the terminal is gone
+            termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
         if self._gamepad is not None:
             os.close(self._gamepad)
 
@@ -70,7 +72,10 @@ class Hands:
     def look(self) -> None:
         """Take what was typed and moved since the last look."""
         while select.select([self._terminal], [], [], 0.0)[0]:
-            typed = os.read(self._terminal, 64)
+            try:
+                typed = os.read(self._terminal, 64)
+            except OSError:
+                typed = b""
             if not typed:  # the terminal is gone
                 self.ended = True
                 break

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, is_of_input
+from ttwmr_mj.files import read_json
 from ttwmr_mj.runs.lock import NAME as LOCK
 from ttwmr_mj.runs.lock import locked
 
@@ -82,7 +82,7 @@ def kept(folder: Path) -> str:
 
 def _is_complete(folder: Path) -> bool:
     try:
-        return bool(json.loads((folder / "metrics.json").read_text())["status"] == "ok")
+        return bool(read_json(folder / "metrics.json")["status"] == "ok")
     except (OSError, ValueError, KeyError, TypeError):
         return False
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import no_device, read_json
 from ttwmr_mj.results.row_stream import ROWS_FILE, read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
@@ -33,6 +33,11 @@ def score_run(folder: Path) -> dict[str, Any]:
     if not (folder / "scenario.resolved.toml").is_file():
         problem = "no run folder, it has no scenario.resolved.toml"
         raise InputError.at("RUN", problem, got=str(folder))
+    for name in ("metrics.json", "trajectory.parquet", ROWS_FILE):
+        try:
+            no_device(folder / name)
+        except OSError as error:
+            raise InputError("is no file", file=str(folder / name)) from error
     with locked(folder, key="RUN"):
         scenario = load_scenario(str(folder / "scenario.resolved.toml"))
         rows = read_run(folder)
@@ -52,7 +57,7 @@ def score_run(folder: Path) -> dict[str, Any]:
 def _stored(path: Path) -> dict[str, Any]:
     """What metrics.json says that no trajectory tells; empty where it is missing or damaged."""
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
+        stored = read_json(path)
         numbers = [stored["end_time_s"], *(stored[name] or 0.0 for name in MEASURED)]
         known = stored["status"] in get_args(Status) and isinstance(stored["reason"], str)
         whole = known and all(isinstance(number, int | float) for number in numbers)

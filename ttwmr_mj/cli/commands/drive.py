@@ -1,6 +1,7 @@
 """`ttwmr drive`: the robot under a person's hands."""
 
 import sys
+from contextlib import suppress
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
@@ -51,5 +52,6 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
 
 
 def _status(text: str) -> None:
-    sys.stdout.write(f"\r{text}")
-    sys.stdout.flush()
+    with suppress(OSError):  # the terminal is gone, which the hands notice
+        sys.stdout.write(f"\r{text}")
+        sys.stdout.flush()

@@ -4,6 +4,7 @@ from contextlib import suppress
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, argument, option
+from ttwmr_mj.errors import RunError
 
 
 class View(Subcommand, name="view"):
@@ -27,4 +28,5 @@ class View(Subcommand, name="view"):
             print(f"{recording} is at {served.viewer.page} until Ctrl-C", flush=True)
             served.finish()
             served.wait()
+            raise RunError(f"the viewer ended: {served.fault or 'it was closed'}")
         return 0

@@ -36,8 +36,11 @@ def check_format(path: Path) -> str:
         MachineError: the encoder is not installed.
     """
     suffix = path.suffix.lower()
-    if suffix not in FORMATS:
+    if suffix not in FORMATS or path.is_dir():
         raise InputError.at("-o", got=str(path), allowed=f"a file name with {', '.join(FORMATS)}")
+    if not path.parent.is_dir():
+        hint = f"there is no folder {path.parent}; make it first"
+        raise InputError.at("-o", got=str(path), hint=hint)
     try:
         import imageio_ffmpeg  # noqa: F401
     except ImportError as error:

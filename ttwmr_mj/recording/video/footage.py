@@ -16,6 +16,7 @@ from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 
+MOST_FRAMES = 200_000  # two hours of video
 FORCES = "/world/contact_forces"  # in the recording, of the run's every row
 
 
@@ -71,6 +72,11 @@ class Footage:
         if not 0.0 <= start_s < stop_s:
             problem = f"nothing between {start_s:g} s and {stop_s:g} s, the run has {last_s:g} s"
             raise InputError(problem, file=str(folder))
+        if (count := (stop_s - start_s) * fps / speed) > MOST_FRAMES:
+            least = (stop_s - start_s) * fps / MOST_FRAMES
+            problem = f"makes {count:.3g} pictures of {stop_s - start_s:g} s"
+            allowed = f"at least {least:.2g}, for {MOST_FRAMES:,} pictures"
+            raise InputError.at("--speed", problem, got=f"{speed:g}", allowed=allowed)
         time_s = start_s + np.arange(0.0, stop_s - start_s + 1e-9, speed / fps)
         steps = np.diff(rows.time_s, prepend=rows.time_s[0])[:, None]
         turned = np.cumsum(rows.wheel_speed_rad_s[:, 0] * steps, axis=0)

@@ -21,6 +21,7 @@ DPI = 100
 PAPER = "#181A1E"
 INK = "#D5D9DF"
 LEAST_MM = 1e-2
+LEAST_S = 0.1  # that an axis of time covers: a film may have one picture
 FUTURE = 0.22  # how much of the curves is seen beforehand
 CURSOR: Colour = (255, 255, 255)
 
@@ -44,7 +45,7 @@ class Strip:
     def at(self, frame: int) -> Image:
         """The strip (height, width, 3) RGB at a frame."""
         picture = self._full.copy()
-        share = (self._time_s[frame] - self._time_s[0]) / (self._time_s[-1] - self._time_s[0])
+        share = frame / max(len(self._time_s) - 1, 1)
         for left, right, top, bottom in self._spans:
             now = round(left + share * (right - left))
             inside = np.s_[top:bottom, now + 1 : right]
@@ -85,7 +86,8 @@ def _dress(axes: Axes, footage: Footage) -> None:
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
     axes.set_facecolor(PAPER)
-    axes.set_xlim(footage.time_s[0], footage.time_s[-1])
+    first_s, last_s = footage.time_s[0], footage.time_s[-1]
+    axes.set_xlim(first_s, max(last_s, first_s + LEAST_S))
     axes.tick_params(colors=INK, labelsize=9, length=3)
     axes.grid(color="#343941", linewidth=0.7)
     for side, spine in axes.spines.items():

@@ -1,13 +1,13 @@
 """Runs the rows of a suite that are not there yet, several at a time."""
 
-import json
 import os
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.files import write_json
+from ttwmr_mj.errors import of_system
+from ttwmr_mj.files import read_json, write_json
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
 from ttwmr_mj.runs.lock import locked
@@ -52,12 +52,12 @@ def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     """
     path = row_folder(row, folder) / ROW_FILE
     try:
-        stored: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        stored = read_json(path)
     except FileNotFoundError:
         return None
-    known = isinstance(stored, dict) and all(
-        isinstance(stored.get(key), str) for key in ("status", "reason", "verdict", "run")
-    )
+    except OSError as error:
+        raise ValueError(of_system(error)) from error
+    known = all(isinstance(stored.get(key), str) for key in ("status", "reason", "verdict", "run"))
     if not known or stored["verdict"] not in VERDICTS:
         raise ValueError(f"{ROW_FILE} does not say how the run ended")
     return stored
@@ -186,7 +186,7 @@ def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
     into.mkdir(parents=True, exist_ok=True)
     status = verdict = "failed"
     if not reason:
-        metrics = json.loads((into / "metrics.json").read_text(encoding="utf-8"))
+        metrics = read_json(into / "metrics.json")
         status, verdict = metrics["status"], metrics["verdict"]
         if status != "ok":
             reason = f"{status} at {metrics['end_time_s']:.3f} s: {metrics['reason']}"
@@ -197,7 +197,7 @@ def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:
 def _rename_row(row: SuiteRow, folder: Path) -> None:
     """Let the row.json of a run that is used again say how the suite words it now."""
     path = row_folder(row, folder) / ROW_FILE
-    stored = json.loads(path.read_text(encoding="utf-8"))
+    stored = read_json(path)
     if stored != stored | _identity(row):
         write_json(path, stored | _identity(row))
 

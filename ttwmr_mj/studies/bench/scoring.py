@@ -1,11 +1,11 @@
 """From run folders to lines of a ranking: scored from stored trajectories, nothing simulated."""
 
-import json
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, RunError, described
+from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
@@ -79,7 +79,7 @@ def told_damaged(damaged: dict[str, str]) -> str:
 def _maker(folder: Path) -> str:
     """Version and commit that made a run; unknown for one that never started, or does not say."""
     try:
-        said = json.loads((folder / "manifest.json").read_text())
+        said = read_json(folder / "manifest.json")
         commit, *dirty = (said["git_commit"] or "unknown").split("-", 1)
         return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
@@ -129,7 +129,7 @@ def _judged(folder: Path) -> tuple[Metrics, Verdict]:
     """Metrics and verdict of a run, made afresh; the control time is as it was measured."""
     scenario = load_scenario(str(folder / "scenario.resolved.toml"))
     trajectory = Trajectory.read(folder / "trajectory.parquet")
-    stored = json.loads((folder / "metrics.json").read_text())
+    stored = read_json(folder / "metrics.json")
     key = "control_time_per_sample_us"
     if not isinstance(stored[key], int | float):
         raise InputError.at(key, got=repr(stored[key]), allowed="a number")

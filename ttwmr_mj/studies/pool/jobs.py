@@ -24,7 +24,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from ttwmr_mj.errors import MachineError, TtwmrError
+from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line
 from ttwmr_mj.files import variable
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
@@ -56,7 +56,7 @@ class Failed:
     """A job that raised, died or took too long."""
 
     job: Job  # which
-    reason: str  # in words; a traceback for what nobody raised on purpose. The last line says it.
+    reason: str  # in words, a line unless it was raised on purpose
     error: TtwmrError | None = None  # what it raised, if that was raised on purpose
     of_machine: bool = False  # killed from outside, no memory, no disk, no OpenGL: no fault of it
     late: bool = False  # it took too long
@@ -170,9 +170,12 @@ class _Process:
         timed_out = answer is None and monotonic() >= self.ends_at
         if not timed_out:
             self._process.join(LEAVE_S)
+        silent = answer is None and self._process.is_alive()
         code = self.end()
         if answer is None and timed_out:
             answer = Failed(self._job, f"timed out after {self._job.timeout_s:g} s", late=True)
+        elif silent:
+            answer = Failed(self._job, "its law closed the pipe that the process answers through")
         elif answer is None:
             how = _exit_name(code)
             answer = Failed(self._job, self._death(how), of_machine=how in FROM_OUTSIDE)
@@ -223,7 +226,11 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
         os.setsid()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # of the server
     threading.Thread(target=_leave_with_the_caller, daemon=True).start()
-    with log.open("wb") as file:  # what a law prints is not for the terminal
+    try:
+        file = log.open("wb")
+    except OSError:  # the caller has left, and its folder with it
+        os._exit(1)
+    with file:  # what a law prints is not for the terminal
         for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):
             os.dup2(file.fileno(), stream.fileno() if stream else usual)
     said: Event
@@ -239,10 +246,17 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
     except BaseException as error:
         said = Failed(
             job,
-            traceback.format_exc().strip(),
+            _unforeseen(error),
             of_machine=not ready or isinstance(error, (OSError, MemoryError)),
         )
     try:
         answer.send(said)
-    except Exception:  # it cannot be pickled
-        answer.send(Failed(job, traceback.format_exc().strip()))
+    except Exception as error:  # it cannot be pickled
+        answer.send(Failed(job, _unforeseen(error)))
+
+
+def _unforeseen(error: BaseException) -> str:
+    """What nobody raised on purpose, and where, in one line."""
+    where = traceback.extract_tb(error.__traceback__)
+    place = f" ({Path(where[-1].filename).name}:{where[-1].lineno})" if where else ""
+    return f"{in_one_line(described(error))}{place}"

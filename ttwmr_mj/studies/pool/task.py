@@ -1,13 +1,12 @@
 """Work that is done once: a job, what its result is made of, and where that is written down."""
 
-import json
 import math
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.files import write_json
+from ttwmr_mj.files import read_json, write_json
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import Ingredients, differences, digest, made_of_run
 from ttwmr_mj.studies.pool.jobs import Job
@@ -39,7 +38,7 @@ class Kept:
         A file that was damaged or replaced since differs too.
         """
         try:
-            stored = json.loads(self.mark.read_text(encoding="utf-8"))
+            stored = read_json(self.mark)
         except (OSError, ValueError):
             return None
         return differences(stored, self._marked())

@@ -1,6 +1,5 @@
 """What was run, read back: the only way figures and claims look at results."""
 
-import json
 from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.files import read_json
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.schema import Scenario
@@ -37,12 +37,10 @@ class Evidence:
         return Trajectory.read(run_folder(self.out, run) / "trajectory.parquet")
 
     def _metrics(self, run: str) -> dict[str, Any]:
-        text = (run_folder(self.out, run) / "metrics.json").read_text(encoding="utf-8")
-        metrics: dict[str, Any] = json.loads(text)
-        return metrics
+        return read_json(run_folder(self.out, run) / "metrics.json")
 
     def _study(self, name: str) -> dict[str, Any]:
-        result: dict[str, Any] = json.loads(study_file(self.out, name).read_text("utf-8"))["result"]
+        result: dict[str, Any] = read_json(study_file(self.out, name))["result"]
         return result
 
     def _scenario(self, run: str) -> Scenario:

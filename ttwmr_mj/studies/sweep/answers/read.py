@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
@@ -35,7 +35,7 @@ class Sweep:
         """What a sweep left in its folder."""
         import pyarrow.parquet as pq
 
-        plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+        plan = read_json(folder / "plan.json")
         read = pq.read_table(folder / "results.parquet")
         return cls(plan, {name: read[name].to_numpy() for name in read.column_names})
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import Fault, InputError, described
-from ttwmr_mj.files import write_json
+from ttwmr_mj.files import read_json, write_json
 from ttwmr_mj.studies.pool.ingredients import differences
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
@@ -26,7 +26,7 @@ def stored_plan(folder: Path) -> Plan | None:
     if not path.is_file():
         return None
     try:
-        return Plan.from_json(json.loads(path.read_text(encoding="utf-8")))
+        return Plan.from_json(read_json(path))
     except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
         hint = "give another --out, or delete the file if its sweep is the one that is asked for"
         fault = Fault(problem=f"no plan that this version can read: {described(error)}", hint=hint)
