@@ -108,6 +108,17 @@ def test_a_driven_run_is_a_run_like_any_other(driven: tuple[Path, str], tmp_path
         np.testing.assert_array_equal(values, now[name], err_msg=name)
 
 
+@pytest.mark.slow
+def test_a_drive_that_is_stopped_is_no_success(tmp_path: Path) -> None:
+    command = [sys.executable, "-m", "ttwmr_mj", "drive", "--out", "out", "--live=none"]
+    terminal = Terminal(command, tmp_path)
+    terminal.until(" 0.5 s")
+    terminal.process.terminate()
+    assert terminal.end() == 1
+    assert "ttwmr: lab_circle interrupted at" in terminal.said
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "interrupted"
+
+
 def test_driving_needs_a_terminal(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ttwmr_mj", "drive", "--live=none"]
     done = subprocess.run(

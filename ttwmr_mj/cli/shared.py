@@ -15,6 +15,7 @@ from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.runs.execute import Run
     from ttwmr_mj.runs.pace import Pace
     from ttwmr_mj.scenario.schema import Scenario
 
@@ -151,3 +152,11 @@ def warn(lines: list[str]) -> None:
 def command_line() -> list[str]:
     """What the user typed, for the manifest."""
     return ["ttwmr", *sys.argv[1:]]
+
+
+def ended_early(name: str, done: Run) -> RunError:
+    """The error of a run that did not come to its end."""
+    return RunError(
+        f"{name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
+        f"{done.outcome.reason}; what was recorded is in {done.folder}"
+    )

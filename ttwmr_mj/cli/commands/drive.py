@@ -4,7 +4,7 @@ import sys
 from contextlib import suppress
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, ended_early
 from ttwmr_mj.errors import InputError
 
 
@@ -43,6 +43,8 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
                     live=live,
                     tell=None if self.quiet else _status,
                 )
+            if done.outcome.status != "ok":
+                raise ended_early(scenario.name, done)
             if self.quiet:
                 print(folder)
             else:

@@ -3,7 +3,15 @@
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line, warn
+from ttwmr_mj.cli.shared import (
+    SCENARIO,
+    Live,
+    NewFolder,
+    Overrides,
+    command_line,
+    ended_early,
+    warn,
+)
 from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError, printable
 
@@ -57,10 +65,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         if done.outcome.status != "ok" and not met:
             if self.debug and done.outcome.cause:
                 raise done.outcome.cause
-            raise RunError(
-                f"{scenario.name} {done.outcome.status} at {done.outcome.time_s:.3f} s: "
-                f"{done.outcome.reason}; what was recorded is in {done.folder}"
-            )
+            raise ended_early(scenario.name, done)
         print(done.folder) if self.quiet else _print_run(done)
         if self.require and not met:
             from ttwmr_mj.runs.report import verdict_line
