@@ -23,6 +23,7 @@ robot and ground too (`config.stacked`).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -42,6 +43,7 @@ from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
+Glide = Callable[[FloatArray], FloatArray]  # the state after a stretch without dry friction
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
 
 
@@ -173,7 +175,7 @@ class ExtendedModel:
         return np.stack([*velocity, u2, theta2_rate, turning])
 
     def step(self, state: FloatArray, stretch: Stretches) -> FloatArray:
-        """The state (5, nsim) after one Runge-Kutta step over a stretch of each simulation.
+        """The state after one Runge-Kutta step over a stretch of each simulation.
 
         Dry friction acts as an impulse before and after it, and a hitch that it stops is held:
         second order in the step.
@@ -184,21 +186,30 @@ class ExtendedModel:
         def slope(share: float, now: FloatArray) -> FloatArray:
             return self.rate(now, start + share * change, rate, lead_s)
 
+        def glide(now: FloatArray) -> FloatArray:
+            return runge_kutta(slope, now, duration_s)
+
         if not self.dry:
-            return runge_kutta(slope, state, duration_s)
-        before, state = state, state.copy()
+            return glide(state)
+        after = self._slowed(state, stretch, glide)
+        # friction in a stretch of no duration, which others of the batch have, would be rounded
+        return np.where(duration_s > 0.0, after, state)
+
+    def _slowed(self, before: FloatArray, stretch: Stretches, glide: Glide) -> FloatArray:
+        """The state (5, nsim) after a step with dry friction, `glide` being one without."""
+        duration_s, start, rate, _ = stretch
+        state = before.copy()
         turn = self.twist(start)[1]
         state[-1] = self.rub(state[-1], turn, 0.5 * duration_s)
         held = state[-1] == turn
-        state = runge_kutta(slope, state, duration_s)
-        turn = self.twist(start + change)[1]
+        state = glide(state)
+        turn = self.twist(start + duration_s[:, None] * rate)[1]
         # a hitch that was held needed none of its friction before the step
         state[-1] = self.rub(state[-1], turn, np.where(held, 1.0, 0.5) * duration_s)
         held &= state[-1] == turn
         rigid = state[THETA1] + before[THETA2] - before[THETA1]
         state[THETA2] = np.where(held, rigid, state[THETA2])
-        # friction in a stretch of no duration, which others of the batch have, would be rounded
-        return np.where(duration_s > 0.0, state, before)
+        return state
 
     def rub(self, swing_rate: FloatArray, turn: FloatArray, time_s: FloatArray) -> FloatArray:
         """(nsim,) the swing rate after the dry friction of a while; at most the turn rate θ̇1."""

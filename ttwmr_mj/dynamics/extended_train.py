@@ -19,9 +19,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.dynamics.balls import Forces, held_back, train_drag
-from ttwmr_mj.dynamics.extended import ExtendedModel, Motion
+from ttwmr_mj.dynamics.extended import ExtendedModel, Glide, Motion
 from ttwmr_mj.dynamics.hybrid import sideways
-from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import to_world
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.dynamics.train import (
@@ -84,21 +83,14 @@ class ExtendedTrain(ExtendedModel):
         velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
         return np.concatenate([np.stack([*velocity, u2]), rates.T, turning.T])
 
-    def step(self, state: FloatArray, stretch: Stretches) -> FloatArray:
-        """The state (3 + 2n, nsim) after one stretch; as of the base."""
-        duration_s, start, rate, lead_s = stretch
-        change = duration_s[:, None] * rate
-
-        def slope(share: float, now: FloatArray) -> FloatArray:
-            return self.rate(now, start + share * change, rate, lead_s)
-
-        if not self.dry:
-            return runge_kutta(slope, state, duration_s)
-        before, turned = state, start + change
+    def _slowed(self, before: FloatArray, stretch: Stretches, glide: Glide) -> FloatArray:
+        """The state (3 + 2n, nsim) after a step with dry friction, `glide` being one without."""
+        duration_s, start, rate, _ = stretch
+        turned = start + duration_s[:, None] * rate
         time_s = np.repeat(duration_s[:, None], len(self.robot.trailers), axis=1)
-        state, first, held = self._rubbed(state, start, 0.5 * time_s)
+        state, first, held = self._rubbed(before, start, 0.5 * time_s)
         first[~held] = 0.0
-        state = runge_kutta(slope, state, duration_s)
+        state = glide(state)
         # what holds a hitch acts all the time, so that it moves the others half as far as at once
         state, whole, _ = self._rubbed(state, turned, np.where(held, time_s, 0.0), first)
         last = THETA2 + time_s.shape[1]
@@ -108,8 +100,7 @@ class ExtendedTrain(ExtendedModel):
         hitches = np.diff(state[THETA1:last], axis=0)
         hitches = np.where((held & still).T, np.diff(before[THETA1:last], axis=0), hitches)
         state[THETA2:last] = state[THETA1] + np.add.accumulate(hitches)
-        # friction in a stretch of no duration, which others of the batch have, would be rounded
-        return np.where(duration_s > 0.0, state, before)
+        return state
 
     def _rubbed(
         self,

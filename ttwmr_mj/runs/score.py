@@ -37,7 +37,7 @@ def score_run(folder: Path) -> dict[str, Any]:
         try:
             no_device(folder / name)
         except OSError as error:
-            raise InputError("is no file", file=str(folder / name)) from error
+            raise InputError("is not a regular file", file=str(folder / name)) from error
     with locked(folder, key="RUN"):
         scenario = load_scenario(str(folder / "scenario.resolved.toml"))
         rows = read_run(folder)

@@ -205,7 +205,7 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
     hitches = {(h.damping_n_m_s_rad, h.coulomb_friction_n_m) for h in scenario.robot.hitches}
     if options.fit and len(hitches) > 1:
-        problem = "fits one damping and one dry friction to all hitches, and these differ in them"
+        problem = "fits one damping and one dry friction to all hitches, but these hitches differ"
         raise InputError.at("--fit", problem, got=str(sorted(hitches)))
 
 

@@ -242,7 +242,9 @@ def _work(job: Job, answer: Connection, log: Path) -> None:
     except TtwmrError as error:
         said = Failed(job, str(error), error, of_machine=isinstance(error, MachineError))
     except KeyboardInterrupt:
-        said = Failed(job, "stopped by Ctrl-C, or by its law, which raised it", of_machine=True)
+        said = Failed(
+            job, "stopped by Ctrl-C, or its law raised KeyboardInterrupt", of_machine=True
+        )
     except BaseException as error:
         said = Failed(
             job,

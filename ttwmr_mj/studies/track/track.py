@@ -89,6 +89,11 @@ def track(
                     progress(float(len(rows)))
         except KeyboardInterrupt:
             stopped = True
+    return _kept(rows, folder, source, stopped)
+
+
+def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: bool) -> Track:
+    """What there is of a source that was tracked to its end, or to where it was stopped."""
     if rows:
         _write(rows, folder / "poses.parquet")
     else:
