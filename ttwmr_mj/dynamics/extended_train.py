@@ -84,7 +84,10 @@ class ExtendedTrain(ExtendedModel):
         return np.concatenate([np.stack([*velocity, u2]), rates.T, turning.T])
 
     def _slowed(self, before: FloatArray, stretch: Stretches, glide: Glide) -> FloatArray:
-        """The state (3 + 2n, nsim) after a step with dry friction, `glide` being one without."""
+        """The state (3 + 2n, nsim) after a step with dry friction, `glide` being one without.
+
+        Where a hitch is held its error is of first order in the step.
+        """
         duration_s, start, rate, _ = stretch
         turned = start + duration_s[:, None] * rate
         time_s = np.repeat(duration_s[:, None], len(self.robot.trailers), axis=1)
