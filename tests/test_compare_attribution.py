@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from comparisons import open_loop, run_commands
 
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import attribution
 from ttwmr_mj.studies.compare.attribution import (
@@ -41,6 +46,25 @@ def test_every_effect_can_be_switched_off_and_on() -> None:
     assert not ideal.robot.hitch.damping_n_m_s_rad
     assert ideal.robot.tractor.wheel_shape == "ellipsoid"
     assert with_effects(full, [effect.name for effect in EFFECTS]) == full
+
+
+def test_the_friction_of_every_hitch_can_be_switched_off() -> None:
+    full = load_scenario("two_trailers_turn")
+    (friction,) = (effect for effect in EFFECTS if effect.name == "hitch_friction")
+    assert friction.present(full)
+    ideal = with_effects(full, ())
+    assert [hitch.damping_n_m_s_rad for hitch in ideal.robot.hitches] == [0.0, 0.0]
+    assert not friction.present(ideal)
+    assert with_effects(full, [effect.name for effect in EFFECTS]) == full
+
+
+@pytest.mark.slow
+def test_a_comparison_of_trains_says_where_the_deviation_comes_from(tmp_path: Path) -> None:
+    assert main(["compare", "two_trailers_turn", "--out", str(tmp_path), "--quiet"]) == 0
+    told = json.loads((tmp_path / "compare.json").read_text())["attribution"]
+    assert "hitch_friction" in str(told)
+    rows = pq.read_table(tmp_path / "attribution.parquet")
+    assert rows.num_rows > 100
 
 
 def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:

@@ -63,6 +63,16 @@ def test_contradictions_are_refused(tmp_path: Path, options: Options, message: s
     assert not any(tmp_path.iterdir())
 
 
+def test_a_fit_is_validated_on_what_the_fitted_robot_can_drive(tmp_path: Path) -> None:
+    from ttwmr_mj.scenario.file import load_scenario
+
+    options = Options(fit=True, validate_on="inverted_trailer")  # whose law tows one trailer
+    with pytest.raises(InputError, match=r"--validate-on.*inverted_trailer") as error:
+        compare_scenario(load_scenario("two_trailers_turn"), tmp_path, options)
+    assert "controller.kind" in str(error.value)
+    assert not any(tmp_path.iterdir())
+
+
 def test_tolerances_are_known_before_anything_runs() -> None:
     assert known_numbers() == list(run_pair(open_loop((0.1, 1.0, 1.0))).numbers)
 

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import signal
+import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -13,6 +16,7 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs import signals
 from ttwmr_mj.runs.signals import held_back
 
 PHASES = {  # what is being done when the signal comes → what is told of what is kept
@@ -100,6 +104,31 @@ def test_signals_wait_for_the_end_of_a_block_and_a_second_one_does_not() -> None
     assert done == [1, 0]
     with pytest.raises(ZeroDivisionError), held_back():  # the first fault is told
         raise ZeroDivisionError
+
+
+def test_an_import_is_not_broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As if numpy told a Ctrl-C during its import as an ImportError, which it does."""
+    (tmp_path / "interrupted.py").write_text(
+        "import signal, time\n"
+        "try:\n"
+        "    signal.raise_signal(signal.SIGINT)\n"
+        "except KeyboardInterrupt as error:\n"
+        "    raise ImportError from error\n"
+        "done = True\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    signal.signal(signal.SIGINT, signals.interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        work_until_stopped()
+    assert sys.modules.pop("interrupted").done
+    (tmp_path / "interrupted.py").write_text("import signal\nsignal.raise_signal(2)\nwhile True: 1")
+    with pytest.raises(KeyboardInterrupt):  # an import that never ends
+        work_until_stopped()
+
+
+def work_until_stopped() -> None:
+    import_module("interrupted")
+    time.sleep(60.0)
 
 
 def test_the_command_line_gives_signals_back() -> None:

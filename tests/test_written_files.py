@@ -4,7 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import socket
 import stat
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,7 +19,7 @@ import pytest
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import read_json, write_text, written
+from ttwmr_mj.files import clear, read_json, write_text, written
 from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
 
 
@@ -45,6 +51,92 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
     (tmp_path / "b.json").write_text("[1, 2]")
     with pytest.raises(ValueError, match=r"b\.json holds no object"):
         read_json(tmp_path / "b.json")
+
+
+def looped(path: Path) -> None:
+    path.symlink_to(path.name)
+
+
+def socket_at(path: Path) -> None:
+    with socket.socket(socket.AF_UNIX) as one:
+        one.bind(str(path))
+
+
+@pytest.mark.parametrize("make", [os.mkfifo, looped, socket_at])
+def test_what_nobody_reads_is_replaced(make: Callable[[Path], None], tmp_path: Path) -> None:
+    file = tmp_path / "a.json"
+    make(file)
+    write_text(file, "whole")
+    assert file.is_file()
+    assert not file.is_symlink()
+    assert file.read_text() == "whole"
+
+
+@contextmanager
+def opened_by_both(pipe: Path) -> Iterator[None]:
+    """Once the reader waits for a writer: another end held open, so that it stays."""
+    while True:
+        try:
+            end = os.open(pipe, os.O_WRONLY | os.O_NONBLOCK)
+        except OSError:
+            time.sleep(0.01)
+        else:
+            break
+    yield
+    os.close(end)
+
+
+def test_a_pipe_that_somebody_reads_is_written_to(tmp_path: Path) -> None:
+    pipe = tmp_path / "a.json"
+    os.mkfifo(pipe)
+    with subprocess.Popen(["cat", str(pipe)], stdout=subprocess.PIPE, text=True) as reader:
+        with opened_by_both(pipe):
+            assert main(["export-schema", "--out", str(pipe)]) == 0
+        said, _ = reader.communicate(timeout=60)
+    assert said.startswith("{")
+    assert said.endswith("}\n")
+    assert stat.S_ISFIFO(pipe.stat().st_mode)
+
+
+def test_a_folder_is_not_replaced_by_a_file(tmp_path: Path) -> None:
+    (tmp_path / "a.json").mkdir()
+    with pytest.raises(IsADirectoryError) as error:
+        write_text(tmp_path / "a.json", "{}")
+    assert error.value.filename == str(tmp_path / "a.json")
+    assert [path.name for path in tmp_path.iterdir()] == ["a.json"]
+
+
+def test_stdout_that_nobody_reads_any_longer_is_not_waited_for() -> None:
+    ttwmr = Path(sys.executable).with_name("ttwmr")
+    words = [ttwmr, "export-schema", "--out", "/dev/stdout"]
+    source, end = os.pipe()
+    os.close(source)
+    try:
+        done = subprocess.run(words, stdout=end, stderr=subprocess.PIPE, timeout=60, check=False)
+    finally:
+        os.close(end)
+    assert (done.returncode, done.stderr) == (0, b"")
+    assert Path("/dev/stdout").is_symlink()
+
+
+def test_an_emptied_folder_spares_what_links_lead_to(tmp_path: Path) -> None:
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "a.txt").write_text("kept")
+    for make in (
+        lambda path: path.symlink_to("precious"),
+        lambda path: (path / "inner").mkdir(parents=True),
+        lambda path: path.write_text("a file"),
+        looped,
+        os.mkfifo,
+    ):
+        folder = tmp_path / "out"
+        make(folder)
+        clear(folder)
+        assert folder.is_dir()
+        assert not folder.is_symlink()
+        assert not any(folder.iterdir())
+        folder.rmdir()
+    assert (tmp_path / "precious" / "a.txt").read_text() == "kept"
 
 
 def test_a_device_is_written_to_and_not_replaced(capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+import shutil
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -91,11 +92,18 @@ def no_device(path: Path) -> None:
 def written(path: Path) -> Iterator[Path]:
     """Where to write a file that appears whole or not at all; nothing is left of a failure.
 
-    What is no file, such as /dev/stdout, is written to as it is: it cannot be replaced.
+    A device, /dev/stdout, or a pipe that somebody reads is written to as it is; any other pipe, a
+    socket or a link to itself is replaced, as a file is.
+
+    Raises:
+        OSError: there is a folder; or nobody reads /dev/stdout.
     """
-    if path.exists() and not path.is_file():
-        yield path
-        return
+    with _lasting(path) as lasts:
+        if lasts:
+            yield path
+            return
+    if path.is_dir():
+        raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
     temporary = path.with_name(path.name + ".part")
     try:
         yield temporary
@@ -106,6 +114,48 @@ def written(path: Path) -> Iterator[Path]:
         with suppress(OSError):
             temporary.unlink()
         raise
+
+
+@contextmanager
+def _lasting(path: Path) -> Iterator[bool]:
+    """Whether what is there is to be written to, and not replaced; it has its reader meanwhile."""
+    if not path.exists() or path.is_file() or path.is_dir():
+        yield False
+        return
+    of_system = resolved(path.parent).parts[1] in ("dev", "proc")
+    if not path.is_fifo():
+        yield of_system or not path.is_socket()
+        return
+    try:
+        reader = os.open(path, os.O_WRONLY | os.O_NONBLOCK)  # to open it otherwise would wait
+    except OSError as error:
+        if of_system:
+            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE), str(path)) from error
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.close(reader)
+
+
+def remove(path: Path) -> None:
+    """Delete what is there, a folder with all that is in it; where a link was, its goal stays."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)
+
+
+def clear(folder: Path) -> None:
+    """An empty folder, whatever was there."""
+    remove(folder)
+    folder.mkdir(parents=True)
+
+
+def resolved(path: Path) -> Path:
+    """The absolute path without links; unlike Path.resolve it takes a link to itself for a file."""
+    return Path(os.path.realpath(path))
 
 
 @contextmanager
@@ -187,7 +237,7 @@ def placed(given: str, info: ValidationInfo, remedy: str) -> str:
     """
     if info.context is None:
         return given
-    path = (info.context["folder"] / given).resolve()
+    path = resolved(info.context["folder"] / given)
     if not is_file(path):
         raise ValueError(f"no such file ({path}); {remedy}")
     return str(path)

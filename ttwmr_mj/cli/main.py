@@ -7,10 +7,10 @@ import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
-from ttwmr_mj.runs.signals import WAITING
+from ttwmr_mj.runs.signals import WAITING, interrupt
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -85,13 +85,17 @@ def _like(word: str, known: list[str]) -> str:
 def _ended_like_ctrl_c() -> Iterator[None]:
     """While the context lasts SIGTERM ends a command like Ctrl-C, so that its files are closed.
 
+    Ctrl-C that is ignored, as in a shell's background, stays so.
+
     In a process of the command's own neither comes afterwards: what there is to keep is kept, and
     its last words and the interpreter's end are not to be broken off.
     """
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
         return
-    before = signal.signal(signal.SIGTERM, _interrupt)
+    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, interrupt)}
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
     try:
         yield
     finally:
@@ -99,12 +103,8 @@ def _ended_like_ctrl_c() -> Iterator[None]:
             for signum in WAITING:
                 signal.signal(signum, signal.SIG_IGN)
         else:
-            signal.signal(signal.SIGTERM, signal.SIG_DFL if before is None else before)
-
-
-def _interrupt(signum: int, frame: Any) -> NoReturn:
-    del signum, frame
-    raise KeyboardInterrupt
+            for signum, handler in before.items():
+                signal.signal(signum, signal.SIG_DFL if handler is None else handler)
 
 
 class _Version(argparse.Action):

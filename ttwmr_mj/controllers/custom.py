@@ -11,6 +11,7 @@ from pydantic import Field
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions
 from ttwmr_mj.errors import InputError, Overrun, described
+from ttwmr_mj.files import resolved
 
 
 class CustomOptions(ControllerOptions):
@@ -33,7 +34,7 @@ class CustomOptions(ControllerOptions):
 
     def placed(self, folder: Path) -> Self:
         """The same for a scenario file anywhere; this one's is in the folder."""
-        return self.model_copy(update={"folder": str((folder / (self.folder or "")).resolve())})
+        return self.model_copy(update={"folder": str(resolved(folder / (self.folder or "")))})
 
     def make(self, folder: Path) -> Controller:
         """Import the module, from the scenario's folder or the Python path; make the controller.
@@ -45,7 +46,7 @@ class CustomOptions(ControllerOptions):
         module_name, class_name = self.target.split(":")
         key, got = "controller.target", repr(self.target)
         folder = folder / (self.folder or "")
-        sys.path.insert(0, str(folder.resolve()))
+        sys.path.insert(0, str(resolved(folder)))
         try:
             module = importlib.import_module(module_name)
         except (KeyboardInterrupt, Overrun):
@@ -59,7 +60,7 @@ class CustomOptions(ControllerOptions):
             ) from error
         finally:
             with suppress(ValueError):  # the module may have changed the path
-                sys.path.remove(str(folder.resolve()))
+                sys.path.remove(str(resolved(folder)))
         found = getattr(module, class_name, None)
         if not (isinstance(found, type) and issubclass(found, Controller)):
             problem = (

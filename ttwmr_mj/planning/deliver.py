@@ -10,7 +10,7 @@ import numpy as np
 import tomli_w
 
 from ttwmr_mj.figures.plan import write_plan_figure
-from ttwmr_mj.files import together, write_text
+from ttwmr_mj.files import resolved, together, write_text
 from ttwmr_mj.planning.knots import write_knots
 from ttwmr_mj.planning.request import Request
 from ttwmr_mj.planning.through_points import UNITS, Found
@@ -59,7 +59,7 @@ def deliver(
         write_knots(out, found.plan, robot, command)
         write_text(done.scenario, _scenario(out, request, found, base))
         time_s = np.linspace(0.0, end, round(end / FINE_S) + 1)
-        reference = Planned(plan=str(out.resolve())).sample(time_s, robot)
+        reference = Planned(plan=str(resolved(out))).sample(time_s, robot)
         drawn = {"wheel speed": limits.wheel_speed_rad_s, "hitch angle": limits.hitch_angle_rad}
         title = _title(out, request, end)
         write_plan_figure(done.picture, reference, robot, request.points_m, drawn, title)

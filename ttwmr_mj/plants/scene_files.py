@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.files import resolved
 
 FOLDERS = ("assetdir", "meshdir", "texturedir")  # of <compiler>
 MOST_BYTES = 16_000_000  # of an XML file
@@ -18,7 +19,7 @@ SIZES = {"texture": ("a texture", "width", "height"), "hfield": ("a height field
 
 def scene_files(scene: Path) -> list[Path]:
     """The scene, what it includes, and the meshes and pictures they name, as far as they exist."""
-    return _walk(scene.resolve())[0]
+    return _walk(resolved(scene))[0]
 
 
 def refuse_what_leads_away(scene: str, *key: str) -> None:
@@ -31,9 +32,9 @@ def refuse_what_leads_away(scene: str, *key: str) -> None:
     Raises:
         InputError: with everything that is wrong.
     """
-    path = Path(scene).resolve()
+    path = resolved(Path(scene))
     files, problems = _walk(path)
-    homes = path.parent, models_folder().resolve()
+    homes = path.parent, resolved(models_folder())
     away = [file for file in files if not any(file.is_relative_to(home) for home in homes)]
     problems = [(problem, file) for problem, file in problems if file not in away]
     problems += [("the scene leads out of its folder", file) for file in away]
@@ -98,4 +99,4 @@ def _named(root: ElementTree.Element, homes: set[Path]) -> Iterator[tuple[Path, 
         for name in (value for key, value in element.items() if key.startswith("file")):
             for home in sorted(homes):
                 for folder in sorted({"", *assets}):
-                    yield (home / folder / name).resolve(), is_scene
+                    yield resolved(home / folder / name), is_scene

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
+from ttwmr_mj.files import clear
 from ttwmr_mj.runs.batch import batch_key, run_batch
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
@@ -51,8 +51,7 @@ def run_into_folders(runs: Sequence[Placed]) -> None:
     """
     runs = [run._replace(folder=run.folder.absolute()) for run in runs]
     for run in runs:
-        shutil.rmtree(run.folder, ignore_errors=True)  # half a run, or one of something else
-        run.folder.mkdir(parents=True)
+        clear(run.folder)  # of half a run, or one of something else
     if len(runs) == 1 and not shareable(runs[0].scenario):
         scenario, folder, words, beside = runs[0]
         done = run_scenario(scenario, folder, scenario_folder=beside, command_line=list(words))

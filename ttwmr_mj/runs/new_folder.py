@@ -124,9 +124,9 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
 
 
 def _files(folder: Path) -> list[Path]:
-    """The files of a run, half-written ones included."""
+    """The files of a run, half-written ones included, and what has their names: a pipe, a link."""
     names = (name for ours in OURS for name in (ours, f"{ours}.part"))
-    return [path for name in names for path in folder.glob(name) if path.is_file()]
+    return [path for name in names for path in folder.glob(name) if not path.is_dir()]
 
 
 def _move(folder: Path, into: Path) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import of_system
-from ttwmr_mj.files import read_json, write_json
+from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
 from ttwmr_mj.runs.lock import locked
@@ -167,7 +167,7 @@ def _is_of_machine(failed: Failed, scenario: Scenario) -> bool:
 def _placed(row: SuiteRow, scenario: Scenario, folder: Path) -> Placed:
     into = row_folder(row, folder)
     words = "ttwmr", *row.arguments(into), "--quiet"
-    return Placed(scenario, into.resolve(), words, _beside(row))
+    return Placed(scenario, into.absolute(), words, _beside(row))
 
 
 def _kept(row: SuiteRow, scenario: Scenario, folder: Path) -> Kept:
@@ -177,7 +177,7 @@ def _kept(row: SuiteRow, scenario: Scenario, folder: Path) -> Kept:
 
 
 def _beside(row: SuiteRow) -> Path:
-    return find_scenario(row.scenario).parent.resolve()
+    return resolved(find_scenario(row.scenario).parent)
 
 
 def _write_row(row: SuiteRow, folder: Path, reason: str) -> None:

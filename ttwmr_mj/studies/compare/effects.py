@@ -53,6 +53,13 @@ class Effect:
         return 1.0 - left / _value(scenario, self.size)
 
 
+def _frictionless(scenario: Scenario) -> Values:
+    count = len(scenario.robot.hitches)
+    hitches = [f"hitches.{i}" for i in range(count)] if count > 1 else ["hitch"]
+    keys = "damping_n_m_s_rad", "coulomb_friction_n_m"
+    return {f"robot.{hitch}.{key}": 0.0 for hitch in hitches for key in keys}
+
+
 EFFECTS = (
     Effect(
         "servo",
@@ -91,11 +98,7 @@ EFFECTS = (
             "robot.casters.socket_friction_n_m": 0.0,
         },
     ),
-    Effect(
-        "hitch_friction",
-        "hitch friction",
-        lambda _: {"robot.hitch.damping_n_m_s_rad": 0.0, "robot.hitch.coulomb_friction_n_m": 0.0},
-    ),
+    Effect("hitch_friction", "hitch friction", _frictionless),
     Effect(
         "timestep",
         "timestep",

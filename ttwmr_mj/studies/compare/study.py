@@ -9,10 +9,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
 from ttwmr_mj.runs.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.attribution import Attribution, attribute
@@ -226,7 +227,12 @@ def _unseen(scenario: Scenario, options: Options) -> Scenario:
         raise InputError.at("--validate-on", problem, got=name, hint="name another one")
     refuse_unlike(other)
     same = {key: getattr(scenario, key) for key in ("robot", "belief", "plant", "control")}
-    return other.model_copy(update=same)
+    driven = other.model_copy(update=same)
+    if faults := check(driven, []):
+        problem = "the robot that is fitted cannot drive it"
+        first = Fault(key=("--validate-on",), problem=problem, got=name)
+        raise InputError(first, *faults)
+    return driven
 
 
 def _parts(progress: Progress | None, count: int) -> Iterator[Progress | None]:

@@ -27,9 +27,9 @@ def changed(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     data = scenario.model_dump()
     for path, value in values.items():
         *sections, key = path.split(".")
-        place = data
+        place: Any = data
         for section in sections:
-            place = place[section]
+            place = place[int(section) if section.isdigit() else section]
         if key not in place:
             raise KeyError(path)
         place[key] = value

@@ -15,6 +15,7 @@ from typing import Any
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.files import resolved
 from ttwmr_mj.plants.scene_files import scene_files
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.shared.reference import REFERENCES
@@ -84,10 +85,10 @@ def data_files(scenario: Scenario) -> Iterator[Path]:
     contact, sensing, reference = scenario.plant.contact, scenario.sensing, scenario.reference
     calibration = getattr(sensing, "calibration_path", None)
     if calibration is not None:
-        yield Path(calibration).resolve()
+        yield resolved(Path(calibration))
     if isinstance(reference, Planned):
         shipped = PACKAGE / "references" / "data" / f"{reference.plan}.csv"
-        yield Path(reference.plan).resolve() if reference.plan.endswith(".csv") else shipped
+        yield resolved(Path(reference.plan)) if reference.plan.endswith(".csv") else shipped
     if scenario.plant.kind == "contact" or sensing.kind == "camera":
         yield from scene_files(Path(contact.model_path or models_folder() / "scene.xml"))
 
@@ -106,7 +107,7 @@ def _own(module: str, folder: Path) -> tuple[Path, str] | None:
 
     Beside an installed module lie those of everybody else: only its own package counts.
     """
-    for place in (folder.resolve(), *(Path(place or ".").resolve() for place in sys.path)):
+    for place in (resolved(folder), *(resolved(Path(place or ".")) for place in sys.path)):
         if module_file(place, module):
             installed = place.name in ("site-packages", "dist-packages")
             return place, module.split(".")[0] if installed else ""

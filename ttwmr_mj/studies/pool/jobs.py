@@ -24,7 +24,7 @@ from pathlib import Path
 from time import monotonic
 from typing import Any
 
-from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line
+from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
 from ttwmr_mj.files import variable
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
@@ -261,4 +261,6 @@ def _unforeseen(error: BaseException) -> str:
     """What nobody raised on purpose, and where, in one line."""
     where = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(where[-1].filename).name}:{where[-1].lineno})" if where else ""
+    if isinstance(error, OSError) and error.filename is not None:
+        return of_system(error)  # which names its file
     return f"{in_one_line(described(error))}{place}"

@@ -1,12 +1,11 @@
 """Work that is done once: a job, what its result is made of, and where that is written down."""
 
 import math
-import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.files import read_json, write_json
+from ttwmr_mj.files import clear, read_json, write_json
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import Ingredients, differences, digest, made_of_run
 from ttwmr_mj.studies.pool.jobs import Job
@@ -79,9 +78,9 @@ def run_task(
     """One run into a folder of its own; arguments as of `runs.execute.run_scenario`."""
     arguments = (
         scenario,
-        folder.resolve(),
+        folder.absolute(),
         command_line,
-        scenario_folder and scenario_folder.resolve(),
+        scenario_folder and scenario_folder.absolute(),
     )
     job = Job(name, make_run, arguments, timeout_s)
     made_of = made_of_run(scenario, scenario_folder)
@@ -99,6 +98,5 @@ def make_run(
     """Run a scenario into a folder that is emptied first."""
     from ttwmr_mj.runs.execute import run_scenario
 
-    shutil.rmtree(folder, ignore_errors=True)  # half a run, or one of something else
-    folder.mkdir(parents=True)
+    clear(folder)  # of half a run, or one of something else
     run_scenario(scenario, folder, scenario_folder=scenario_folder, command_line=command_line)

@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import no_device, remove
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE
 from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
@@ -19,10 +20,10 @@ def mend(folder: Path, plan: Plan) -> list[str]:
     """Delete shards and a table that cannot be read or hold something else; says which."""
     bad = [shard.path for shard in shards_in(folder, plan) if not _is_sound(shard, plan)]
     table = folder / RESULTS_FILE
-    if table.is_file() and not _holds_all(table, plan):
+    if table.exists() and not _holds_all(table, plan):
         bad.append(table)
     for path in bad:
-        path.unlink()
+        remove(path)
     return [f"{path}: damaged; it is made again" for path in bad]
 
 
@@ -40,6 +41,7 @@ def _is_sound(shard: Shard, plan: Plan) -> bool:
 
 def _holds_all(path: Path, plan: Plan) -> bool:
     try:
+        no_device(path)
         with pq.ParquetFile(path) as file:
             rows = [
                 file.read_row_group(i, columns=["row"])["row"].to_numpy()

@@ -18,22 +18,25 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
         into: gets copies of what it lacks; need not be there.
 
     Raises:
-        InputError: a folder holds no sweep, or that of another plan; nothing was written.
+        InputError: a folder holds no sweep, that of another plan, or a damaged shard; nothing was
+            written.
     """
     plans = [(folder, _plan_of(folder)) for folder in folders]
     target = stored_plan(into)
     first = target or plans[0][1]
     for folder, plan in plans:
         refuse_other(folder, plan, first)
+    shards = [shard for folder, plan in plans for shard in shards_in(folder, plan)]
+    for shard in shards:
+        shard.read(["row"])
+    done = rows_done(into, first)
     if target is None:
         write_plan(into, first)
-    done = rows_done(into, first)
-    for folder, plan in plans:
-        for shard in shards_in(folder, plan):
-            rows = shard.rows
-            if not done[rows].all():
-                write_shard(into, first, rows, shard.path.read_bytes())
-                done[rows] = True
+    for shard in shards:
+        rows = shard.rows
+        if not done[rows].all():
+            write_shard(into, first, rows, shard.path.read_bytes())
+            done[rows] = True
     return first
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from ttwmr_mj.errors import Fault, InputError, described
 from ttwmr_mj.files import read_json, write_json
 from ttwmr_mj.studies.pool.ingredients import differences
+from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 PLAN_FILE = "plan.json"
@@ -81,6 +82,9 @@ def refuse_foreign(folder: Path) -> None:
         hint = "give another one"
         problem = "the folder holds something, and no sweep"
         raise InputError.at("--out", problem, got=str(folder), hint=hint)
+    for path in (folder / RESULTS_FILE, folder / REPORT_FILE):
+        if path.is_dir():
+            raise InputError.at("--out", f"a folder is in the way of {path.name}", got=str(folder))
     there = next(path for path in (folder, *folder.absolute().parents) if path.exists())
     if not os.access(there, os.W_OK):
         raise InputError.at("--out", f"nothing can be written in {there}", got=str(folder))

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import no_device
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -58,6 +59,7 @@ class Shard:
             InputError: the file is damaged.
         """
         try:
+            no_device(self.path)
             return pq.read_table(self.path, columns=columns)
         except (OSError, pa.ArrowException) as error:
             problem = f"the file is damaged: {str(error).splitlines()[0]}"

@@ -10,7 +10,7 @@ import numpy as np
 
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import Fault, InputError
-from ttwmr_mj.files import is_file
+from ttwmr_mj.files import is_file, resolved
 from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.report import HEADLINES
 from ttwmr_mj.scenario.file import find_scenario, read_scenario
@@ -39,13 +39,13 @@ def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
     file = request.file
     beside = request.folder / file.scenario
     path = find_scenario(str(beside) if is_file(beside) else file.scenario)
-    shipped = path.parent.resolve() == scenarios_folder().resolve()
+    shipped = resolved(path.parent) == resolved(scenarios_folder())
     plan = Plan(
         name=file.name,
         description=file.description,
-        scenario=path.stem if shipped else str(path.resolve()),
+        scenario=path.stem if shipped else str(resolved(path)),
         base=read_scenario(path),
-        folder=SHIPPED if shipped else str(path.parent.resolve()),
+        folder=SHIPPED if shipped else str(resolved(path.parent)),
         overrides=request.overrides,
         seeds=request.seeds,
         sampling=file.sampling,
@@ -122,7 +122,7 @@ def _made_of(plan: Plan, scenarios: list[Scenario]) -> Table:
         made_of = made_of_run(scenario, plan.beside, CODE)
         for part, found in parts.items():
             found |= made_of[part]
-    beside = f"{plan.beside.resolve()}/"
+    beside = f"{resolved(plan.beside)}/"
     data = {name.removeprefix(beside): digest for name, digest in parts["data"].items()}
     return {**parts, "data": dict(sorted(data.items()))}
 
