@@ -8,6 +8,8 @@ import sys
 import tarfile
 import venv
 import zipfile
+from email import message_from_bytes
+from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
 
 import pytest
@@ -20,6 +22,55 @@ def build(folder: Path, kind: str, out: Path) -> Path:
     subprocess.run(line, cwd=folder, check=True, capture_output=True)
     (made,) = out.glob("*.whl" if kind == "wheel" else "*.tar.gz")
     return made
+
+
+def addresses(wheel: Path) -> dict[str, str]:
+    with zipfile.ZipFile(wheel) as archive:
+        (name,) = (n for n in archive.namelist() if n.endswith(".dist-info/METADATA"))
+        fields = message_from_bytes(archive.read(name))
+    return dict(text.split(", ", 1) for text in fields.get_all("Project-URL", []))
+
+
+@pytest.mark.parametrize(
+    "remote",
+    [
+        "https://forge.example/team/robot.git",
+        "https://somebody:secret@forge.example/team/robot",
+        "ssh://git@forge.example:2222/team/robot.git/",
+        "git@forge.example:team/robot.git\n",
+    ],
+)
+def test_the_addresses_are_those_of_the_repository_cloned(remote: str) -> None:
+    spec = spec_from_file_location("hatch_build", ROOT / "hatch_build.py")
+    assert spec is not None
+    assert spec.loader is not None
+    hook = module_from_spec(spec)
+    spec.loader.exec_module(hook)
+    assert hook.project_urls(remote) == {
+        "Repository": "https://forge.example/team/robot",
+        "Documentation": "https://forge.example/team/robot/tree/HEAD/docs",
+        "Changelog": "https://forge.example/team/robot/blob/HEAD/CHANGELOG.md",
+        "Issues": "https://forge.example/team/robot/issues",
+    }
+    for nowhere in ("", "/home/somebody/robot", "../robot", "file:///robot", "C:/robot"):
+        assert hook.project_urls(nowhere) == {}
+
+
+@pytest.mark.slow
+def test_wheels_of_a_clone_and_of_its_source_distribution_name_it(tmp_path: Path) -> None:
+    clone = tmp_path / "clone"
+    subprocess.run(["git", "clone", "-q", str(ROOT), str(clone)], check=True)
+    assert addresses(build(clone, "wheel", tmp_path / "nowhere")) == {}
+    public = ["config", "remote.origin.url", "https://forge.example/team/robot.git"]
+    subprocess.run(["git", "-C", str(clone), *public], check=True)
+    direct = addresses(build(clone, "wheel", tmp_path / "direct"))
+    assert direct["Repository"] == "https://forge.example/team/robot"
+    assert len(direct) == 4
+    sdist = build(clone, "sdist", tmp_path / "sdist")
+    with tarfile.open(sdist) as archive:
+        archive.extractall(tmp_path / "source", filter="data")
+    (source,) = (tmp_path / "source").iterdir()
+    assert addresses(build(source, "wheel", tmp_path / "wheel")) == direct
 
 
 @pytest.mark.slow
@@ -35,6 +86,7 @@ def test_from_source_to_an_empty_environment(tmp_path: Path) -> None:
     direct = build(ROOT, "wheel", tmp_path / "direct")
     contents = [set(zipfile.ZipFile(wheel).namelist()) for wheel in (from_source, direct)]
     assert contents[0] == contents[1]
+    assert addresses(from_source) == addresses(direct)
 
     place = tmp_path / "empty"
     venv.create(place, with_pip=True)
