@@ -1,4 +1,4 @@
-"""The addresses in the package's metadata: those of the repository that this checkout is a clone of.
+"""Addresses in the package's metadata: those of the repository that this checkout is a clone of.
 
 A fork names itself in this way, and a checkout that is no clone of a public repository names none.
 """
