@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import errno
 import os
+import pickle
 import signal
 import subprocess
+import threading
 import time
 from pathlib import Path
 
@@ -40,10 +42,44 @@ def crash() -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def close_all() -> None:
-    time.sleep(1.0)  # until who waits for the caller does; later it finds its pipe closed too
+def close_all(after_s: float) -> str:
+    """Close what a process does not own, before or after it begins to watch its caller."""
+    time.sleep(after_s)
     os.closerange(3, 200)
+    time.sleep(2.5)
+    return "done all the same"
+
+
+def write_into_pipes() -> str:
+    """Write half a message into whatever there is."""
+    for number in range(3, 200):
+        for _ in range(100):
+            try:
+                os.set_blocking(number, False)
+                os.write(number, b"\x00\x00\x00\x40abc")
+            except OSError:
+                break
+    return "done all the same"
+
+
+def end_the_server(by: int) -> None:
+    os.kill(os.getppid(), by)
     time.sleep(600.0)
+
+
+def leave_a_child(pids: Path) -> None:
+    child = subprocess.Popen(["sleep", "600"])
+    pids.write_text(str(child.pid))
+
+
+def leave_a_thread() -> str:
+    threading.Thread(target=time.sleep, args=(600.0,)).start()
+    return "done all the same"
+
+
+def damage_the_answer(by: bytes) -> None:
+    """Let something else be written."""
+    pickle.dumps = lambda _: by  # type: ignore[assignment]
 
 
 def killed() -> None:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import pickle
+import re
 import signal
 import subprocess
 import sys
 import time
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing
 from pathlib import Path
 
@@ -16,7 +18,7 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.studies.pool.halves import in_halves
-from ttwmr_mj.studies.pool.jobs import Done, Failed, Job, run_jobs
+from ttwmr_mj.studies.pool.jobs import SERVER_GONE, Done, Failed, Job, run_jobs
 
 
 def is_running(pid: int) -> bool:
@@ -53,11 +55,10 @@ def test_every_job_has_fresh_globals_and_no_more_are_taken_than_there_are_worker
 @pytest.mark.parametrize(
     ("call", "line"),
     [
-        (jobs_to_do.break_off, "ZeroDivisionError: of its own making (jobs_to_do.py:27)"),
+        (jobs_to_do.break_off, "ZeroDivisionError: of its own making (jobs_to_do.py:29)"),
         (jobs_to_do.leave, "the process ended with exit code 3: last words"),
         (jobs_to_do.leave_quietly, "the process ended with exit code 0"),
         (jobs_to_do.crash, "the process ended with SIGSEGV"),
-        (jobs_to_do.close_all, "its law closed the pipe that the process answers through"),
     ],
 )
 def test_what_breaks_is_reported_and_the_rest_goes_on(call: object, line: str) -> None:
@@ -69,6 +70,46 @@ def test_what_breaks_is_reported_and_the_rest_goes_on(call: object, line: str) -
     assert bad.error is None
     assert not bad.of_machine
     assert events["good"] == Done(jobs[1], 1)
+
+
+@pytest.mark.parametrize(
+    ("call", "arguments"),
+    [
+        (jobs_to_do.close_all, (0.0,)),
+        (jobs_to_do.close_all, (1.0,)),
+        (jobs_to_do.write_into_pipes, ()),
+        (jobs_to_do.leave_a_thread, ()),
+    ],
+)
+def test_what_a_law_does_to_the_pool_is_in_vain(
+    call: Callable[..., object], arguments: tuple[float, ...], capfd: pytest.CaptureFixture[str]
+) -> None:
+    jobs = [Job("bad", call, arguments), Job("good", jobs_to_do.count_calls)]
+    events = list(run_jobs(jobs, workers=1))
+    assert events == [Done(jobs[0], "done all the same"), Done(jobs[1], 1)]
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("by", [signal.SIGKILL, signal.SIGTERM])
+def test_a_server_that_was_ended_is_not_held_against_a_job(by: int) -> None:
+    jobs = [Job("bad", jobs_to_do.end_the_server, (by,)), Job("good", jobs_to_do.count_calls)]
+    bad, good = run_jobs(jobs, workers=1)
+    assert isinstance(bad, Failed)
+    assert (bad.reason, bad.of_machine) == (SERVER_GONE, True)
+    assert good == Done(jobs[1], 1)
+
+
+@pytest.mark.parametrize("by", [b"", b"\x80\x04", pickle.dumps("nothing that ends a job")])
+def test_an_answer_that_is_none_is_a_failure(by: bytes) -> None:
+    (event,) = run_jobs([Job("bad", jobs_to_do.damage_the_answer, (by,))])
+    assert isinstance(event, Failed)
+    assert re.search("its answer was damaged|ended with exit code 0", event.reason)
+
+
+def test_a_job_that_is_done_leaves_no_child(tmp_path: Path) -> None:
+    (event,) = run_jobs([Job("leaves", jobs_to_do.leave_a_child, (tmp_path / "pid",))])
+    assert isinstance(event, Done)
+    wait_until_gone([int((tmp_path / "pid").read_text())])
 
 
 def test_an_error_raised_on_purpose_comes_back_whole() -> None:

@@ -6,22 +6,25 @@ It has its own session, so that Ctrl-C reaches whoever called `run_jobs`, who th
 
 from __future__ import annotations
 
+import errno
 import math
 import multiprocessing
 import os
+import pickle
 import signal
+import stat
 import sys
 import tempfile
 import threading
 import traceback
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from itertools import count, islice
 from multiprocessing import forkserver, resource_tracker
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import wait
 from pathlib import Path
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
@@ -30,7 +33,13 @@ from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
-LEAVE_S = 1.0  # a process that has answered is given this long to end, threads of a law included
+NO_ROOM = (
+    75  # exit code of a process whose answer the disk does not take; EX_TEMPFAIL of sysexits.h
+)
+SERVER_GONE = "the server of the processes was ended; the same command tries again"
+LOOK_EVERY_S = 1.0  # for the caller, by a process whose law closed what tells of its end
+TRIES, TRY_AGAIN_S = 50, 0.1  # to start a process
+_leave, _rename = os._exit, os.replace  # which a law may put others in place of
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,47 +144,46 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 def _wait(running: list[_Process]) -> None:
     """Until one of the processes answers, ends, or has had its time."""
     left_s = min(process.ends_at for process in running) - monotonic()
-    handles = [handle for process in running for handle in process.handles]
-    wait(handles, None if math.isinf(left_s) else max(left_s, 0.0))
+    wait(
+        [process.sentinel for process in running], None if math.isinf(left_s) else max(left_s, 0.0)
+    )
 
 
 class _Process:
-    """A job under way.
+    """A job under way, in a process that leaves its answer in a file.
+
+    A pipe would be in reach of the job's law, which could close it or write into it.
 
     Attributes:
-        handles: ready when there is something to hear.
         ends_at: when its time is over, on the monotonic clock.
     """
 
     def __init__(self, context: Any, job: Job, log: Path) -> None:
-        self._job, self._log = job, log
-        self._answer, answer = context.Pipe(duplex=False)
-        self._process = context.Process(target=_work, args=(job, answer, log))
-        self._process.start()
-        answer.close()
-        self.handles = (self._answer, self._process.sentinel)
+        self._job, self._log, self._answer = job, log, log.with_suffix(".answer")
+        self._process = _started(context, (job, self._answer, log))
+        self.sentinel = self._process.sentinel
         self.ends_at = monotonic() + job.timeout_s
 
     def is_over(self) -> bool:
         """Whether there is an event."""
-        answered = self._answer.poll() or not self._process.is_alive()
-        return answered or monotonic() >= self.ends_at
+        return self._has_ended() or monotonic() >= self.ends_at
+
+    def _has_ended(self) -> bool:
+        return bool(wait([self.sentinel], 0.0))
 
     def event(self) -> Event:
         """What became of the job; its process is gone afterwards."""
-        try:
-            answer: Event | None = self._answer.recv() if self._answer.poll() else None
-        except EOFError:
-            answer = None
-        timed_out = answer is None and monotonic() >= self.ends_at
-        if not timed_out:
-            self._process.join(LEAVE_S)
-        silent = answer is None and self._process.is_alive()
+        timed_out = not self._has_ended()
+        server_gone = not timed_out and _is_at_end(self.sentinel)
         code = self.end()
+        answer = self._answered()
         if answer is None and timed_out:
             answer = Failed(self._job, f"timed out after {self._job.timeout_s:g} s", late=True)
-        elif silent:
-            answer = Failed(self._job, "its law closed the pipe that the process answers through")
+        elif answer is None and server_gone:
+            answer = Failed(self._job, SERVER_GONE, of_machine=True)
+        elif answer is None and code == NO_ROOM:
+            problem = "the folder for temporary files took no answer: see TMPDIR"
+            answer = Failed(self._job, problem, of_machine=True)
         elif answer is None:
             how = _exit_name(code)
             answer = Failed(self._job, self._death(how), of_machine=how in FROM_OUTSIDE)
@@ -183,22 +191,58 @@ class _Process:
         return answer
 
     def end(self) -> int:
-        """Kill the process and what it started, unless it has ended; its exit code."""
-        if self._process.is_alive():
-            try:
-                os.killpg(self._process.pid, signal.SIGKILL)
-            except (AttributeError, OSError):  # no such thing here, or no group of its own yet
+        """Kill the process, unless it has ended, and what it started; its exit code."""
+        try:
+            os.killpg(self._process.pid, signal.SIGKILL)  # its children outlive it
+        except (AttributeError, OSError):  # no such thing here, nobody, or no group of its own yet
+            if not self._has_ended():
                 self._process.kill()
         self._process.join()
         code = int(self._process.exitcode)
         self._process.close()
-        self._answer.close()
         return code
+
+    def _answered(self) -> Event | None:
+        """What the process left; None: nothing, or nothing that can be read."""
+        try:
+            answer = pickle.loads(self._answer.read_bytes())
+        except FileNotFoundError:
+            return None
+        except Exception as error:
+            return Failed(self._job, f"its answer was damaged: {in_one_line(described(error))}")
+        finally:
+            self._answer.unlink(missing_ok=True)
+        return answer if isinstance(answer, Done | Failed) else None
 
     def _death(self, how: str) -> str:
         """How a process ended that did not answer, and its last words."""
         words = _end_of(self._log).strip() if self._log.is_file() else ""
         return f"the process ended with {how}" + (f": {words.splitlines()[-1]}" if words else "")
+
+
+def _started(context: Any, arguments: tuple[Job, Path, Path]) -> Any:
+    """A process; where the server has just been ended, from a new one."""
+    for _ in range(TRIES):
+        process = context.Process(target=_work, args=arguments)
+        try:
+            process.start()
+        except (ConnectionError, EOFError):
+            sleep(TRY_AGAIN_S)
+        else:
+            return process
+    raise MachineError("the server that processes are started from ends again and again")
+
+
+def _is_at_end(pipe: int) -> bool:
+    """Whether a pipe that can be read holds nothing more: nobody told how a process ended."""
+    if sys.platform == "win32":
+        return False
+    import fcntl
+    import termios
+
+    count = bytearray(4)
+    fcntl.ioctl(pipe, termios.FIONREAD, count)
+    return not int.from_bytes(count, sys.byteorder)
 
 
 def _end_of(log: Path) -> str:
@@ -215,46 +259,82 @@ def _exit_name(code: int) -> str:
 def _leave_with_the_caller() -> None:
     """Nobody would hear the answer of a process whose caller was killed."""
     caller = multiprocessing.parent_process()
-    if caller is not None:
-        caller.join()
-        os._exit(1)
+    if caller is None or caller.pid is None:
+        return
+    caller.join()
+    while _is_there(caller.pid):  # a law closed what tells of its end
+        sleep(LOOK_EVERY_S)
+    _leave(1)
 
 
-def _work(job: Job, answer: Connection, log: Path) -> None:
+def _is_there(process: int) -> bool:
+    try:
+        os.kill(process, 0)
+    except ProcessLookupError:
+        return False
+    except OSError:
+        return True
+    return True
+
+
+def _keep_out_of_reach() -> None:
+    """Lead nowhere what a law could write into: pipes to the server and to its helpers."""
+    if not Path("/proc/self/fd").is_dir():
+        return
+    import fcntl
+
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for number in (int(path.name) for path in Path("/proc/self/fd").iterdir()):
+        with suppress(OSError):  # of the folder itself, closed by now
+            mode = fcntl.fcntl(number, fcntl.F_GETFL) & os.O_ACCMODE
+            if number > 2 and mode == os.O_WRONLY and stat.S_ISFIFO(os.fstat(number).st_mode):
+                os.dup2(nowhere, number, inheritable=False)
+    os.close(nowhere)
+
+
+def _work(job: Job, answer: Path, log: Path) -> None:
     """In the process: do the job, answer with what came of it."""
     if hasattr(os, "setsid"):
         os.setsid()
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # of the server
+    _keep_out_of_reach()
     threading.Thread(target=_leave_with_the_caller, daemon=True).start()
     try:
         file = log.open("wb")
     except OSError:  # the caller has left, and its folder with it
-        os._exit(1)
+        _leave(1)
     with file:  # what a law prints is not for the terminal
         for stream, usual in ((sys.__stdout__, 1), (sys.__stderr__, 2)):
             os.dup2(file.fileno(), stream.fileno() if stream else usual)
-    said: Event
+    said = _done(job)
+    try:
+        content = pickle.dumps(said)
+    except Exception as error:
+        content = pickle.dumps(Failed(job, _unforeseen(error)))
+    draft = answer.with_suffix(".part")
+    try:
+        with draft.open("wb") as file:
+            file.write(content)
+        _rename(draft, answer)
+    except OSError as error:
+        _leave(NO_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else 1)
+    _leave(0)  # threads of a law may not end
+
+
+def _done(job: Job) -> Event:
     ready = False
     try:
         load()
         ready = True
-        said = Done(job, job.call(*job.arguments))
+        return Done(job, job.call(*job.arguments))
     except TtwmrError as error:
-        said = Failed(job, str(error), error, of_machine=isinstance(error, MachineError))
+        return Failed(job, str(error), error, of_machine=isinstance(error, MachineError))
     except KeyboardInterrupt:
-        said = Failed(
-            job, "stopped by Ctrl-C, or its law raised KeyboardInterrupt", of_machine=True
-        )
+        reason = "stopped by Ctrl-C, or its law raised KeyboardInterrupt"
+        return Failed(job, reason, of_machine=True)
     except BaseException as error:
-        said = Failed(
-            job,
-            _unforeseen(error),
-            of_machine=not ready or isinstance(error, (OSError, MemoryError)),
-        )
-    try:
-        answer.send(said)
-    except Exception as error:  # it cannot be pickled
-        answer.send(Failed(job, _unforeseen(error)))
+        of_machine = not ready or isinstance(error, (OSError, MemoryError))
+        return Failed(job, _unforeseen(error), of_machine=of_machine)
 
 
 def _unforeseen(error: BaseException) -> str:
