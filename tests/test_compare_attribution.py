@@ -17,7 +17,6 @@ from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import attribution
 from ttwmr_mj.studies.compare.attribution import (
-    QUANTITIES,
     Attribution,
     Contribution,
     attribute,
@@ -60,18 +59,28 @@ def test_the_friction_of_every_hitch_can_be_switched_off() -> None:
 
 @pytest.mark.slow
 def test_a_comparison_of_trains_says_where_the_deviation_comes_from(tmp_path: Path) -> None:
-    assert main(["compare", "two_trailers_turn", "--out", str(tmp_path), "--quiet"]) == 0
-    told = json.loads((tmp_path / "compare.json").read_text())["attribution"]
-    assert "hitch_friction" in str(told)
+    assert (
+        main(["compare", "two_trailers_turn", "--converge", "--out", str(tmp_path), "--quiet"]) == 0
+    )
+    report = json.loads((tmp_path / "compare.json").read_text())
+    told = report["attribution"]
+    for angle in ("theta2", "theta3"):
+        sizes = {name: row["contribution_rad"] for name, row in told[angle].items()}
+        assert sizes.pop("total") == pytest.approx(report[f"{angle}_deviation_rms_rad"])
+        assert sum(sizes.values()) == pytest.approx(report[f"{angle}_deviation_rms_rad"])
+        assert told[angle]["hitch_friction"]["share"] > 0.2  # of hitches that nothing turns
+    assert report["convergence"]["order"]["theta3_deviation_max_rad"] == pytest.approx(1.0, abs=0.1)
     rows = pq.read_table(tmp_path / "attribution.parquet")
-    assert rows.num_rows > 100
+    assert rows.num_rows == 243  # 8 s in periods of 33 ms, both ends
+    assert {"theta3_total_rad", "theta3_hitch_friction_rad"} <= set(rows.column_names)
+    assert "θ3 by more than" in (tmp_path / "report.html").read_text()
 
 
 def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     full = open_loop(*BRISK, robot={"servo": {"velocity_gain_n_m_s_rad": 0.2}})
     result = attribute(full, run_commands(full))
     assert result.present == ("servo", "contact_compliance", "caster_inertia", "timestep")
-    for quantity in QUANTITIES:
+    for quantity in ("position", "theta1", "theta2"):
         *parts, total = result.tables[quantity]
         assert total.name == "total"
         assert sum(row.size for row in parts) == pytest.approx(total.size)

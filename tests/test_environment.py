@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -32,6 +33,29 @@ def ttwmr(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[
     )
     assert "Traceback" not in done.stderr
     return done
+
+
+@pytest.mark.parametrize(
+    ("which", "most", "words"),
+    [
+        (resource.RLIMIT_AS, 1_500_000_000, "1.5 GB (ulimit -v), of which 6 GB are needed"),
+        (resource.RLIMIT_NOFILE, 20, "20 files can be open at once (ulimit -n), 64 are needed"),
+    ],
+)
+def test_limits_of_the_shell_that_leave_no_room_are_refused(
+    which: int, most: int, words: str, tmp_path: Path
+) -> None:
+    done = subprocess.run(
+        [*TTWMR, "run", "lab_circle", *SHORT],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(which, (most, most)),
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1)
+    assert words in done.stderr
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.slow

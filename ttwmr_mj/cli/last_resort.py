@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from ttwmr_mj.errors import (
     InputError,
+    MachineError,
     RunError,
     TtwmrError,
     described,
@@ -18,6 +19,8 @@ from ttwmr_mj.errors import (
 )
 
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
+LEAST_ADDRESS_SPACE = 6e9  # bytes; by camera 4.6e9 are taken on two cores, most of it never used
+LEAST_FILES = 64
 
 
 def _tell_nobody(code: int) -> None:
@@ -44,6 +47,30 @@ def open_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a test's or a notebook's may not
             stream.reconfigure(errors="backslashreplace")
+
+
+def refuse_narrow_limits() -> None:
+    """Refuse what a shell's limits leave no room for: libraries end the process there, or hang.
+
+    Raises:
+        MachineError: with the limit, and what is needed.
+    """
+    try:
+        import resource
+    except ImportError:  # a system without such limits
+        return
+    address_space = resource.getrlimit(resource.RLIMIT_AS)[0]
+    if address_space != resource.RLIM_INFINITY and address_space < LEAST_ADDRESS_SPACE:
+        raise MachineError(
+            f"the address space is limited to {address_space / 1e9:.2g} GB (ulimit -v), of which "
+            f"{LEAST_ADDRESS_SPACE / 1e9:g} GB are needed; ulimit -v unlimited"
+        )
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    if files != resource.RLIM_INFINITY and files < LEAST_FILES:
+        raise MachineError(
+            f"no more than {files} files can be open at once (ulimit -n), {LEAST_FILES} are "
+            f"needed; ulimit -n {LEAST_FILES}"
+        )
 
 
 def readable(words: Sequence[str]) -> list[str]:

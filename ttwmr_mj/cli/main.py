@@ -34,6 +34,7 @@ def main(words: Sequence[str] | None = None) -> int:
         with _ended_like_ctrl_c():
             words = last_resort.readable(sys.argv[1:] if words is None else words)
             subcommand = parse(words)
+            last_resort.refuse_narrow_limits()
             debug = supervisor.debug = subcommand.debug
             if supervisor.own_process and not debug and not sys.warnoptions:
                 warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell

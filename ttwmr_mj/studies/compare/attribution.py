@@ -29,6 +29,7 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.robot.parameters import MOST_TRAILERS
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation, rms
@@ -36,11 +37,21 @@ from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
 from ttwmr_mj.studies.compare.variants import Progress, in_threads
 
-# The quantity's name, its columns of Deviation.q, its unit.
-QUANTITIES = {"position": ([0, 1], "m"), "theta1": ([2], "rad"), "theta2": ([3], "rad")}
-
 EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
 LARGE_RAD = 0.5  # deviation of θ2 (rms) beyond which effects no longer add up
+
+
+TRAILERS = {f"theta{i}": f"θ{i}" for i in range(2, MOST_TRAILERS + 2)}
+
+
+def unit_of(quantity: str) -> str:
+    """Of "position" or of an angle."""
+    return "m" if quantity == "position" else "rad"
+
+
+def _columns(width: int) -> dict[str, list[int]]:
+    """Columns of Deviation.q, of which there are 3 and one for each trailer, by quantity."""
+    return {"position": [0, 1], **{f"theta{i}": [i + 1] for i in range(1, width - 1)}}
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +82,7 @@ class Attribution:
 
     Attributes:
         present: effects the scenario has; the others contribute nothing.
-        tables: quantity ("position", "theta1", "theta2") → contributions, the total last.
+        tables: quantity ("position", "theta1", "theta2", …) → contributions, the total last.
         curves: quantity → the same names → (n,) what each adds at every sample; all but the total
             make the total.
         time_s: (n,) of the samples.
@@ -85,7 +96,7 @@ class Attribution:
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
         tables = {
-            quantity: {row.name: row.as_json(QUANTITIES[quantity][1]) for row in rows}
+            quantity: {row.name: row.as_json(unit_of(quantity)) for row in rows}
             for quantity, rows in self.tables.items()
         }
         notes = {name: note for name in self.tables if (note := self.note(name))}
@@ -98,7 +109,7 @@ class Attribution:
 
         columns = {"time_s": self.time_s}
         for quantity, curves in self.curves.items():
-            unit = QUANTITIES[quantity][1]
+            unit = unit_of(quantity)
             columns |= {f"{quantity}_{name}_{unit}": values for name, values in curves.items()}
         return pa.table(columns)
 
@@ -114,10 +125,10 @@ class Attribution:
         *effects, _, rest, _ = self.tables[quantity]
         if rest.share is None or abs(rest.share) <= EXPLAINED_REST:
             return None
-        trailer = self.tables["theta2"][-1].rms
-        if trailer > LARGE_RAD:
+        apart = max(rows[-1].rms for name, rows in self.tables.items() if name in TRAILERS)
+        if apart > LARGE_RAD:
             return (
-                f"the remainder is large because the trailers are {trailer:.2g} rad apart and pull "
+                f"the remainder is large because the trailers are {apart:.2g} rad apart and pull "
                 "in different directions: where small effects decide which way an unstable or "
                 "spinning trailer goes, they do not add up; compare over a shorter time "
                 "(--set duration_s=...)"
@@ -160,7 +171,7 @@ def attribute(
         contributions[effect.name] = (alone / effect.reach(scenario), 0.5 * (removed - alone))
         higher -= 0.5 * (removed + alone)
     tables, curves = {}, {}
-    for quantity, (columns, _) in QUANTITIES.items():
+    for quantity, columns in _columns(higher.shape[1]).items():
         tables[quantity] = table(contributions, higher, delta[names], columns)
         curves[quantity] = over_time(contributions, higher, delta[names], columns)
     time_s = scenario.control.sampling_time_s * np.arange(len(higher), dtype=np.float64)

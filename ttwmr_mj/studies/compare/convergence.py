@@ -18,17 +18,11 @@ from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
 from ttwmr_mj.studies.compare.variants import Progress, changed, in_threads
 
 LEVELS = 4  # 1, 1/2, 1/4, 1/8: the finest takes half of the time
-MEASURES = (
-    "position_deviation_max_m",
-    "position_deviation_per_path",
-    "theta1_deviation_max_rad",
-    "theta2_deviation_max_rad",
-)
 
 
 @dataclass(frozen=True, slots=True)
 class Convergence:
-    """A convergence study, for each of `MEASURES`.
+    """A convergence study, of P and of every angle.
 
     An order is p of a least-squares line through the logarithms; None if a deviation is zero or
     undefined.
@@ -74,7 +68,9 @@ def converge(
 
     found = in_threads(numbers, variants, progress)
     steps = np.array([variant.plant.contact.timestep_s for variant in variants])
-    deviations = {name: np.array([row[name] for row in found], np.float64) for name in MEASURES}
+    angles = (f"theta{i + 1}_deviation_max_rad" for i in range(len(scenario.robot.trailers) + 1))
+    measures = ("position_deviation_max_m", "position_deviation_per_path", *angles)
+    deviations = {name: np.array([row[name] for row in found], np.float64) for name in measures}
     orders = {name: _order(steps, values) for name, values in deviations.items()}
     return Convergence(steps, deviations, orders)
 

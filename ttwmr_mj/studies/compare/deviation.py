@@ -86,9 +86,9 @@ class Deviation:
     def times(self) -> Numbers:
         """Time until a bound is exceeded [s], None where it never is."""
         named = {f"position_over_{b:g}_m_s": (self.position_m, b) for b in POSITION_BOUNDS_M}
-        for name, column in (("theta1", THETA1), ("theta2", THETA2)):
+        for column in range(THETA1, self.q.shape[1]):
             for bound in ANGLE_BOUNDS_RAD:
-                named[f"{name}_over_{bound:g}_rad_s"] = (self.q[:, column], bound)
+                named[f"theta{column - 1}_over_{bound:g}_rad_s"] = (self.q[:, column], bound)
         beyond = {name: np.flatnonzero(np.abs(a) > bound) for name, (a, bound) in named.items()}
         return {k: float(self.time_s[at[0]]) if at.size else None for k, at in beyond.items()}
 

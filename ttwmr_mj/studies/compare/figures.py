@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ttwmr_mj.figures.canvas import Draw, legend_below, stacked, write_figures
+from ttwmr_mj.figures.scales import plain_log
 from ttwmr_mj.figures.style import (
     BAND,
     GREEN,
@@ -27,8 +28,8 @@ from ttwmr_mj.figures.style import (
 )
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.attribution import QUANTITIES
-from ttwmr_mj.studies.compare.text import NAMES, SYMBOLS, percent
+from ttwmr_mj.studies.compare.attribution import TRAILERS, unit_of
+from ttwmr_mj.studies.compare.text import NAMES, percent, symbols_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -53,6 +54,7 @@ STACK_COLOURS = {
     "higher_interactions": "#AAAAAA",
     "rest": GREY,
 }
+TRAILER_COLOURS = (TRAILER, TRACTOR, GREEN, SKY, VERMILION)
 TITLES = {
     "paths": "paths",
     "deviation": "contact physics less analytic model",
@@ -167,9 +169,13 @@ def _draw_residuals(figure: Figure, pair: Pair) -> None:
 
 
 def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
-    figure.set_size_inches(7.2, 3.4)
-    panels = zip(figure.subplots(1, 2, sharey=True), SYMBOLS.items(), strict=True)
-    for axes, (quantity, symbol) in panels:
+    symbols = symbols_of(attribution.tables)
+    lines = -(-len(symbols) // 2)
+    figure.set_size_inches(7.2, 3.4 * lines)
+    places = figure.subplots(lines, 2, sharey=True).ravel()
+    for unused in places[len(symbols) :]:
+        unused.set_axis_off()
+    for axes, (quantity, symbol) in zip(places, symbols.items(), strict=False):
         rows = attribution.tables[quantity][::-1]
         bars = axes.barh(
             [NAMES[row.name] for row in rows],
@@ -179,7 +185,7 @@ def _draw_attribution(figure: Figure, attribution: Attribution) -> None:
         )
         axes.bar_label(bars, [percent(row.share) for row in rows], padding=3, fontsize=7.5)
         axes.axvline(0.0, color=INK, linewidth=0.8)
-        axes.set_title(f"rms deviation of {symbol} [m{QUANTITIES[quantity][1]}]")
+        axes.set_title(f"rms deviation of {symbol} [m{unit_of(quantity)}]")
         axes.margins(x=0.3)
         axes.locator_params(axis="x", nbins=4)
         axes.grid(axis="y", visible=False)
@@ -191,10 +197,11 @@ def _is_nothing(row: Contribution) -> bool:
 
 def _draw_contributions(figure: Figure, attribution: Attribution) -> None:
     """What each effect adds at every instant, stacked: above zero, or below if it takes away."""
-    figure.set_size_inches(7.2, 4.6)
-    rows = figure.subplots(len(SYMBOLS), sharex=True, squeeze=False)[:, 0]
+    symbols = symbols_of(attribution.curves)
+    figure.set_size_inches(7.2, 1.2 + 1.7 * len(symbols))
+    rows = figure.subplots(len(symbols), sharex=True, squeeze=False)[:, 0]
     time_s = attribution.time_s
-    for axes, (quantity, symbol) in zip(rows, SYMBOLS.items(), strict=True):
+    for axes, (quantity, symbol) in zip(rows, symbols.items(), strict=True):
         curves = {name: 1e3 * values for name, values in attribution.curves[quantity].items()}
         total = curves.pop("total")
         above, below = np.zeros_like(total), np.zeros_like(total)
@@ -206,7 +213,7 @@ def _draw_contributions(figure: Figure, attribution: Attribution) -> None:
             axes.fill_between([], [], color=colour, label=NAMES[name])
         axes.plot(time_s, total, color=INK, linewidth=1.2, label="what was measured")
         axes.axhline(0.0, color=INK, linewidth=0.6)
-        axes.set_ylabel(f"deviation of {symbol}\n[m{QUANTITIES[quantity][1]}]")
+        axes.set_ylabel(f"deviation of {symbol}\n[m{unit_of(quantity)}]")
         axes.margins(x=0.01)
     rows[-1].set_xlabel("time [s]")
     figure.align_ylabels()
@@ -214,13 +221,19 @@ def _draw_contributions(figure: Figure, attribution: Attribution) -> None:
 
 
 def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
+    from matplotlib.ticker import NullLocator
+
     figure.set_size_inches(7.2, 3.2)
     steps = 1e3 * convergence.timestep_s
     kinds = {
         "P [mm]": (("position_deviation_max_m", "P", TRACTOR),),
         "angles [mrad]": (
             ("theta1_deviation_max_rad", "θ1", HITCH),
-            ("theta2_deviation_max_rad", "θ2", TRAILER),
+            *(
+                (key, symbol, colour)
+                for colour, (name, symbol) in zip(TRAILER_COLOURS, TRAILERS.items(), strict=True)
+                if (key := f"{name}_deviation_max_rad") in convergence.deviations
+            ),
         ),
     }
     for axes, (kind, lines) in zip(figure.subplots(1, 2), kinds.items(), strict=True):
@@ -229,7 +242,8 @@ def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
             label = label if order is None else f"{label}: order {order:.2f}"
             axes.loglog(steps, 1e3 * convergence.deviations[name], "o-", color=colour, label=label)
         axes.set_xticks(steps, [f"{step:g}" for step in steps])
-        axes.minorticks_off()
+        axes.xaxis.set_minor_locator(NullLocator())
+        plain_log(axes.yaxis, axes.get_ylim())
         axes.set(xlabel="physics step [ms]", ylabel=f"largest deviation of {kind}")
         axes.legend()
 

@@ -9,7 +9,7 @@ from typing import Any
 from ttwmr_mj.files import write_text
 from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.compare import text
-from ttwmr_mj.studies.compare.attribution import QUANTITIES
+from ttwmr_mj.studies.compare.attribution import unit_of
 from ttwmr_mj.studies.compare.effects import EFFECTS
 from ttwmr_mj.studies.pages.page import inlined, render
 
@@ -54,7 +54,7 @@ def _tile(report: dict[str, Any], key: str) -> tuple[str, str]:
 
 def _deviations(report: dict[str, Any]) -> Cells:
     rows: Cells = []
-    for key, label, factor, unit in text.ROWS:
+    for key, label, factor, unit in text.rows_of(report):
         value = report[key]
         shown = "undefined" if value is None else f"{factor * value:.4g}"
         rows.append([label, (shown, value), unit, key])
@@ -76,12 +76,12 @@ def _first_exceeded(report: dict[str, Any]) -> Cells:
 def _explained(report: dict[str, Any]) -> list[dict[str, Any]]:
     """One table for each quantity, in its own unit."""
     tables = []
-    for quantity, symbol in text.SYMBOLS.items():
-        unit = QUANTITIES[quantity][1]
+    for quantity, symbol in text.symbols_of(report["attribution"]).items():
+        unit = unit_of(quantity)
         rows: Cells = []
         for name, row in report["attribution"][quantity].items():
             values = [row[f"{column}_{unit}"] for column in text.HEAD[1:4]]
-            numbers = [("" if v is None else f"{1e3 * v:.4f}", v) for v in values]
+            numbers = [("" if v is None else text.fixed(1e3 * v), v) for v in values]
             rows.append([text.NAMES[name], *numbers, (text.percent(row["share"]), row["share"])])
         tables.append(
             {

@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ttwmr_mj.studies.compare.attribution import QUANTITIES
+from ttwmr_mj.studies.compare.attribution import TRAILERS, unit_of
 from ttwmr_mj.studies.compare.effects import EFFECTS
 
 ROWS = (
@@ -11,8 +11,11 @@ ROWS = (
     ("position_deviation_rms_m", "P, rms deviation", 1e3, "mm"),
     ("position_deviation_per_path", "P, largest deviation per path length", 1e6, "µm/m"),
     ("theta1_deviation_max_rad", "θ1, largest deviation", 1e3, "mrad"),
-    ("theta2_deviation_max_rad", "θ2, largest deviation", 1e3, "mrad"),
-    ("theta2_deviation_rms_rad", "θ2, rms deviation", 1e3, "mrad"),
+    *(
+        (f"{name}_deviation_{key}_rad", f"{symbol}, {what} deviation", 1e3, "mrad")
+        for name, symbol in TRAILERS.items()
+        for key, what in (("max", "largest"), ("rms", "rms"))
+    ),
     ("constraint_residual_max_m_s", "side slip of P (Eq. 3), largest", 1e3, "mm/s"),
     ("trailer_equation_residual_rms_n_m", "trailer torque (Eq. 17), rms residual", 1e6, "µN·m"),
     ("energy_residual_final_j", "energy lost to the floor", 1e3, "mJ"),
@@ -22,7 +25,7 @@ NAMES = {effect.name: effect.text for effect in EFFECTS} | {
     "rest": "unexplained remainder",
     "total": "total (rms)",
 }
-SYMBOLS = {"position": "P", "theta2": "θ2"}  # the quantities that are explained
+SYMBOLS = {"position": "P", **TRAILERS}  # the quantities that are explained
 
 
 HEAD = ("", "alone", "interaction", "contribution", "share")
@@ -38,7 +41,11 @@ def plain(report: dict[str, Any]) -> str:
     if study := report["convergence"]:
         numbers = {
             "order of convergence of P": study["order"]["position_deviation_max_m"],
-            "order of convergence of θ2": study["order"]["theta2_deviation_max_rad"],
+            **{
+                f"order of convergence of {symbol}": study["order"][key]
+                for name, symbol in TRAILERS.items()
+                if (key := f"{name}_deviation_max_rad") in study["order"]
+            },
             "P per path length at the finest level": study["position_deviation_per_path"][-1],
         }
         lines += ["", *_aligned([(label, _number(value)) for label, value in numbers.items()])]
@@ -81,6 +88,22 @@ def short_markdown(report: dict[str, Any]) -> str:
     return "\n\n".join(lines)
 
 
+def rows_of(report: dict[str, Any]) -> list[tuple[str, str, float, str]]:
+    """What a comparison deviates by: key, label, factor to the unit shown, unit."""
+    return [row for row in ROWS if row[0] in report]
+
+
+def symbols_of(tables: Iterable[str]) -> dict[str, str]:
+    """Which of the quantities are explained, with their symbols."""
+    given = frozenset(tables)
+    return {quantity: symbol for quantity, symbol in SYMBOLS.items() if quantity in given}
+
+
+def fixed(value: float) -> str:
+    """A number with four digits after the point, never "-0.0000"."""
+    return f"{round(value, 4) + 0.0:.4f}"
+
+
 def percent(share: float | None) -> str:
     """A share as text, never as "-0.0 %"; empty where it is undefined."""
     return "" if share is None else f"{round(100 * share, 1) + 0.0:.1f} %"
@@ -92,7 +115,8 @@ def _verdicts(report: dict[str, Any]) -> list[str]:
 
 def _summary(report: dict[str, Any]) -> list[tuple[str, str]]:
     """What deviates by how much: (label, value with unit)."""
-    return [(label, _number(report[key], scale, f" {unit}")) for key, label, scale, unit in ROWS]
+    rows = rows_of(report)
+    return [(label, _number(report[key], scale, f" {unit}")) for key, label, scale, unit in rows]
 
 
 def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
@@ -101,13 +125,13 @@ def _number(value: float | None, scale: float = 1.0, unit: str = "") -> str:
 
 def _explained(report: dict[str, Any]) -> Iterator[tuple[str, list[tuple[str, ...]], list[str]]]:
     """What explains each quantity: its symbol, rows as `HEAD` says, and a note if there is one."""
-    attribution = report["attribution"]
-    for quantity, symbol in SYMBOLS.items() if attribution else ():
-        unit, note = QUANTITIES[quantity][1], attribution["notes"].get(quantity)
+    attribution = report["attribution"] or {}
+    for quantity, symbol in symbols_of(attribution).items():
+        unit, note = unit_of(quantity), attribution["notes"].get(quantity)
         rows = []
         for name, row in attribution[quantity].items():
             cells = [
-                "" if (value := row[f"{column}_{unit}"]) is None else f"{1e3 * value:.4f}"
+                "" if (value := row[f"{column}_{unit}"]) is None else fixed(1e3 * value)
                 for column in HEAD[1:4]
             ]
             rows.append((NAMES[name], *cells[:2], f"{cells[2]} m{unit}", percent(row["share"])))
