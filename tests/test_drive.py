@@ -158,6 +158,10 @@ def test_arrow_keys_add_up_and_have_an_end(typed: tuple[int, Hands]) -> None:
         os.write(terminal, b" ")
         _look(hands, 0.0)
         assert hands.turn == 0.0
+        os.write(terminal, b"\x1b" + UP.encode())  # Esc alone, then a key
+        _look(hands, STEP)
+        os.write(terminal, b" ")
+        _look(hands, 0.0)
         os.write(terminal, b"\x1b[")  # one key in two pieces
         hands.look()
         os.write(terminal, b"B")

@@ -150,7 +150,7 @@ def test_what_is_no_run_is_not_scored(tmp_path: Path, capsys: pytest.CaptureFixt
     scenario = tt.load_scenario("lab_circle")
     write_resolved(tmp_path, scenario, tmp_path)
     assert main(["score", str(tmp_path)]) == 2
-    assert "the run has no trajectory; it ended before any was written" in capsys.readouterr().err
+    assert "there is no trajectory.parquet and no trajectory.arrows" in capsys.readouterr().err
 
 
 def test_kill_9_loses_no_row_that_was_reported(tmp_path: Path) -> None:

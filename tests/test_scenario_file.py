@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import tomllib
 from pathlib import Path
 
@@ -43,6 +44,20 @@ def test_a_minimal_file_is_filled_with_defaults(tmp_path: Path) -> None:
     assert scenario.control.sampling_time_s == 0.033
     assert scenario.initial.kind == "at_rest"
     assert (scenario.periods, scenario.steps_per_period) == (151, 66)
+
+
+def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
+    plain, marked = tmp_path / "plain.toml", tmp_path / "marked.toml"
+    plain.write_text(GOOD)
+    marked.write_text("\ufeff" + GOOD.replace("\n", "\r\n"), encoding="utf-8")
+    assert load_scenario(str(marked)) == load_scenario(str(plain))
+
+
+def test_a_pipe_is_told_as_one(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for pipe in (str(tmp_path / "pipe"), "/dev/null"):
+        with pytest.raises(InputError, match="is a pipe or a device; write it into a file"):
+            load_scenario(pipe)
 
 
 def test_periods_are_whole_whatever_way_decimals_round(tmp_path: Path) -> None:

@@ -38,7 +38,7 @@ def as_in_a_terminal() -> Iterator[None]:
     signal.signal(signal.SIGINT, before)
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_signal_in_any_phase(
     phase: str,
@@ -129,6 +129,20 @@ def test_an_import_is_not_broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def work_until_stopped() -> None:
     import_module("interrupted")
     time.sleep(60.0)
+
+
+def test_what_is_ignored_stays_ignored() -> None:
+    """As a shell's background lets Ctrl-C be, and nohup a closed terminal."""
+    before = {n: signal.signal(n, signal.SIG_IGN) for n in (signal.SIGINT, signal.SIGHUP)}
+    try:
+        with held_back(), signals.noted() as came:
+            for signum in before:
+                signal.raise_signal(signum)
+        assert main(["list"]) == 0
+        assert not came
+        assert all(signal.getsignal(n) is signal.SIG_IGN for n in before)
+    finally:
+        signals.give_back(before)
 
 
 def test_the_command_line_gives_signals_back() -> None:

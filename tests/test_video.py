@@ -51,11 +51,17 @@ def frames_of(path: Path) -> tuple[list[np.ndarray], float]:
     ],
 )
 def test_a_video_has_its_frames(
-    suffix: str, size: tuple[int, ...], rate: float, run: Path, tmp_path: Path
+    suffix: str,
+    size: tuple[int, ...],
+    rate: float,
+    run: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     out = tmp_path / f"film{suffix}"
     words = ["video", str(run), "-o", str(out), "--start", "1", "--stop", "1.6", "--quiet"]
     assert main([*words, "--view", "overhead", "--speed", "0.5"]) == 0
+    assert capsys.readouterr() == (f"{out}\n", "")
     pictures, fps = frames_of(out)
     assert fps == pytest.approx(rate, rel=1e-3)
     assert len(pictures) == round(0.6 / 0.5 * rate) + 1

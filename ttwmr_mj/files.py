@@ -35,7 +35,7 @@ def read_toml(path: Path) -> dict[str, Any]:
             content = file.read(MOST_BYTES + 1)
         if len(content) > MOST_BYTES:
             raise ValueError(f"larger than {MOST_BYTES:,} bytes")
-        return parse_toml(content.decode())
+        return parse_toml(content.decode("utf-8-sig"))  # editors on Windows mark UTF-8
     except (OSError, ValueError) as error:
         fault = Fault(problem=f"cannot be read as TOML: {error}")
         raise InputError(fault, file=str(path)) from error
@@ -220,6 +220,12 @@ def _set_variable(name: str, value: str | None) -> None:
 def is_file(path: Path) -> bool:
     """Whether there is such a file, of whatever name; none has one that is too long."""
     return os.path.isfile(path)  # noqa: PTH113  # Path.is_file raises of such a name
+
+
+def is_stream(path: Path) -> bool:
+    """Whether there is a pipe, a device or a socket, of whatever name."""
+    there = os.path.exists(path) and not os.path.isdir(path)  # noqa: PTH110, PTH112  # as above
+    return there and not is_file(path)
 
 
 def input_file(remedy: str) -> AfterValidator:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
-from ttwmr_mj.runs.signals import WAITING, interrupt
+from ttwmr_mj.runs.signals import WAITING, give_back, handled_by, interrupt
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics
@@ -84,9 +84,7 @@ def _like(word: str, known: list[str]) -> str:
 
 @contextmanager
 def _ended_like_ctrl_c() -> Iterator[None]:
-    """While the context lasts SIGTERM ends a command like Ctrl-C, so that its files are closed.
-
-    Ctrl-C that is ignored, as in a shell's background, stays so.
+    """While it lasts SIGTERM and a closed terminal end a command like Ctrl-C: files are closed.
 
     In a process of the command's own neither comes afterwards: what there is to keep is kept, and
     its last words and the interpreter's end are not to be broken off.
@@ -94,9 +92,7 @@ def _ended_like_ctrl_c() -> Iterator[None]:
     if threading.current_thread() is not threading.main_thread():  # which alone gets signals
         yield
         return
-    before = {signal.SIGTERM: signal.signal(signal.SIGTERM, interrupt)}
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-        before[signal.SIGINT] = signal.signal(signal.SIGINT, interrupt)
+    before = handled_by(interrupt)
     try:
         yield
     finally:
@@ -104,8 +100,7 @@ def _ended_like_ctrl_c() -> Iterator[None]:
             for signum in WAITING:
                 signal.signal(signum, signal.SIG_IGN)
         else:
-            for signum, handler in before.items():
-                signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+            give_back(before)
 
 
 class _Version(argparse.Action):

@@ -132,13 +132,14 @@ class _Watch:
 
     def code(self) -> int:
         """Wait for the child's end; the exit code that it has told, else FAILED with a reason."""
-        handlers = {s: signal.signal(s, self._pass_on) for s in (signal.SIGTERM, signal.SIGINT)}
+        from ttwmr_mj.runs.signals import give_back, handled_by
+
+        before = handled_by(self._pass_on)
         try:
             told = self._wait()
             ended = self._end(LEAVE_S if told else 0.0)
         finally:
-            for number, handler in handlers.items():
-                signal.signal(number, handler)
+            give_back(before)
         if told:
             return told[0]
         if told is None:

@@ -76,7 +76,7 @@ class Knots:
         """
         shipped = files("ttwmr_mj.references") / "data" / f"{name}.csv"
         source = Path(name) if name.endswith(".csv") else shipped
-        lines = source.read_text(encoding="utf-8").splitlines()
+        lines = source.read_text(encoding="utf-8-sig").splitlines()
         notes = dict(
             line[2:].split(": ", 1) for line in lines if line.startswith("# ") and ": " in line
         )

@@ -97,6 +97,8 @@ def read_run(folder: Path) -> Trajectory:
         return Trajectory.read(whole)
     if not growing.is_file():
         raise InputError(
-            "the run has no trajectory; it ended before any was written", file=str(folder)
+            f"there is no trajectory.parquet and no {ROWS_FILE}: what the folder holds is no run, "
+            "or one that ended before any row was written",
+            file=str(folder),
         )
     return read_rows(growing)

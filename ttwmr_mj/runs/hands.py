@@ -89,6 +89,8 @@ class Hands:
             if self._typed[0] != "\x1b":
                 self._take_letter(self._typed[0])
                 self._typed = self._typed[1:]
+            elif self._typed[1:2] not in ("", "[", "O"):  # Esc alone
+                self._typed = self._typed[1:]
             elif len(self._typed) < 3:
                 break  # the rest of the sequence is still on its way
             else:

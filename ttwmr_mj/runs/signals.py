@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from time import monotonic
 from types import FrameType
+from typing import Any
 
-WAITING = (signal.SIGINT, signal.SIGTERM)
+# Ctrl-C, a polite end, a terminal that is closed
+WAITING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+Handler = Callable[[int, FrameType | None], Any]
 AGAIN_S = 0.02
 LONGEST_IMPORT_S = 2.0  # that is waited for; a law's module may never end
 
@@ -33,6 +36,24 @@ def interrupt(signum: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
+def handled_by(handler: Handler) -> dict[int, Any]:
+    """Let a function handle the signals of `WAITING`, but for those that are ignored.
+
+    A shell lets what runs in its background ignore Ctrl-C, and nohup a closed terminal.
+
+    Returns:
+        What handled them before, for `give_back`.
+    """
+    heard = [n for n in WAITING if signal.getsignal(n) is not signal.SIG_IGN]
+    return {signum: signal.signal(signum, handler) for signum in heard}
+
+
+def give_back(before: dict[int, Any]) -> None:
+    """Let signals be handled as they were."""
+    for signum, handler in before.items():
+        signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+
+
 def _in_import(frame: FrameType | None) -> bool:
     while frame is not None:
         if frame.f_code.co_filename.startswith("<frozen importlib"):
@@ -43,7 +64,7 @@ def _in_import(frame: FrameType | None) -> bool:
 
 @contextmanager
 def noted() -> Iterator[list[int]]:
-    """Which of Ctrl-C and SIGTERM came, for code that swallows the KeyboardInterrupt of both.
+    """Which signals of `WAITING` came, for code that swallows their KeyboardInterrupt.
 
     Outside the main thread, which alone gets signals, there are none.
     """
@@ -56,17 +77,16 @@ def noted() -> Iterator[list[int]]:
         came.append(signum)
         interrupt(signum, frame)
 
-    before = {signum: signal.signal(signum, note) for signum in WAITING}
+    before = handled_by(note)
     try:
         yield came
     finally:
-        for signum, handler in before.items():
-            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+        give_back(before)
 
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Let Ctrl-C and SIGTERM wait for the end of the context; a second one does not wait.
+    """Let the signals of `WAITING` wait for the end of the context; a second one does not wait.
 
     Outside the main thread, which alone gets signals, this does nothing.
     """
@@ -81,11 +101,10 @@ def held_back() -> Iterator[None]:
             raise KeyboardInterrupt
         came.append(signum)
 
-    before = {signum: signal.signal(signum, note) for signum in WAITING}
+    before = handled_by(note)
     try:
         yield
     finally:
-        for signum, handler in before.items():
-            signal.signal(signum, signal.SIG_DFL if handler is None else handler)
+        give_back(before)
     if came:
         signal.raise_signal(came[0])

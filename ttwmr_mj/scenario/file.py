@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, create_model
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import is_file, parse_toml, read_toml
+from ttwmr_mj.files import is_file, is_stream, parse_toml, read_toml
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import faults_of, suggestion
@@ -27,6 +27,9 @@ def find_scenario(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if is_file(path):
         return path
+    if is_stream(path):
+        hint = "write it into a file: other files are named relative to its folder"
+        raise InputError(Fault(problem="is a pipe or a device", hint=hint), file=name_or_path)
     shipped = shipped_scenarios()
     if name_or_path in shipped:
         return shipped[name_or_path]

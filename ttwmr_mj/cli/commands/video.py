@@ -36,8 +36,7 @@ class VideoCommand(Quiet, name="video"):
                 stop_s=self.stop,
                 progress=None if progress is None else lambda share: progress(100.0 * share),
             )
-        if not self.quiet:
-            print(f"written to {self.out}")
+        print(self.out if self.quiet else f"written to {self.out}")
         if lacks:
             raise RunError(lacks)
         return 0

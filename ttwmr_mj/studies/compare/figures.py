@@ -221,8 +221,6 @@ def _draw_contributions(figure: Figure, attribution: Attribution) -> None:
 
 
 def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
-    from matplotlib.ticker import NullLocator
-
     figure.set_size_inches(7.2, 3.2)
     steps = 1e3 * convergence.timestep_s
     kinds = {
@@ -242,7 +240,7 @@ def _draw_convergence(figure: Figure, convergence: Convergence) -> None:
             label = label if order is None else f"{label}: order {order:.2f}"
             axes.loglog(steps, 1e3 * convergence.deviations[name], "o-", color=colour, label=label)
         axes.set_xticks(steps, [f"{step:g}" for step in steps])
-        axes.xaxis.set_minor_locator(NullLocator())
+        axes.minorticks_off()
         plain_log(axes.yaxis, axes.get_ylim())
         axes.set(xlabel="physics step [ms]", ylabel=f"largest deviation of {kind}")
         axes.legend()
