@@ -31,6 +31,10 @@ BAD = {
         varied('"duration_s.long" = { values = [1.0, 2.0] }'),
         "duration_s.long: 'long' can only be set in a table",
     ),
+    "a variant that names no folder": (
+        HEAD + '[variants."../x"]\noverrides = []\n',
+        "got '../x'; allowed: up to 64 lower-case letters, digits and _, a letter or digit first",
+    ),
     "a wrong type": (
         varied(RADIUS + '{ values = ["wide", "narrow"] }'),
         "reference.radius_m: got 'wide'; allowed: a valid number",

@@ -12,6 +12,13 @@ from pydantic import BaseModel, ConfigDict
 
 T = TypeVar("T")
 
+NAME = r"^[a-z0-9][a-z0-9_-]{0,63}$"  # of files' contents, which become folders
+WORD = r"^[a-z0-9][a-z0-9_]{0,63}$"  # of what they hold, which become columns and parts of names
+PATTERNS = {
+    NAME: "up to 64 lower-case letters, digits, - and _, a letter or digit first",
+    WORD: "up to 64 lower-case letters, digits and _, a letter or digit first",
+}
+
 
 class Config(BaseModel):
     """Base of every configuration: frozen, strict about types, closed to unknown keys.

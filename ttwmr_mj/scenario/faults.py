@@ -6,6 +6,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from ttwmr_mj.config import PATTERNS
 from ttwmr_mj.errors import Fault, Keys, shown
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.meaning import best_by_meaning
@@ -54,9 +55,10 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
             problem = f"unknown key{_meant(keys, table, root)}"
             hint = _of_another_kind(keys, error["loc"], root)
             return Fault(key=keys, problem=problem, allowed=", ".join(known), hint=hint)
+        case "string_pattern_mismatch" if context["pattern"] in PATTERNS:
+            return Fault(key=keys, got=shown(got), allowed=PATTERNS[context["pattern"]])
         case "string_pattern_mismatch" if "description" in value and error["loc"][-1] != "[key]":
-            told = value["description"]  # of what it is, and then of what it may hold
-            return Fault(key=keys, got=shown(got), allowed=told.partition(": ")[2] or told)
+            return Fault(key=keys, got=shown(got), allowed=value["description"])
         case "missing":
             return Fault(key=keys, problem="missing; this key has no default and must be given")
         case "union_tag_not_found" | "union_tag_invalid":

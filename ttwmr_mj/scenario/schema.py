@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
+from ttwmr_mj.config import NAME, PATTERNS, Config
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.references.shared.reference import REFERENCES, Reference
 from ttwmr_mj.results.accept import AcceptOptions
-from ttwmr_mj.robot import Config, RobotParameters, merged
+from ttwmr_mj.robot import RobotParameters, merged
 from ttwmr_mj.scenario.belief import BeliefOptions
 from ttwmr_mj.scenario.control import ControlOptions
 from ttwmr_mj.scenario.output import OutputOptions
@@ -55,11 +56,7 @@ class Scenario(Config):
     """One experiment."""
 
     schema_version: Literal[1] = Field(default=1, description="version of this file format")
-    name: str = Field(
-        pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$",
-        description="name of results and recordings: up to 64 lower-case letters, digits, - and _, "
-        "a letter or digit first",
-    )
+    name: str = Field(pattern=NAME, description=f"name of results and recordings: {PATTERNS[NAME]}")
     description: str = Field(default="", description="one sentence, shown by `ttwmr list`")
     seed: int = Field(
         default=0,

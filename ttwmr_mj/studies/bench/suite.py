@@ -29,9 +29,9 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
+from ttwmr_mj.config import NAME, WORD, Config
 from ttwmr_mj.errors import Fault, InputError, Keys, shown
 from ttwmr_mj.files import is_file, read_toml
-from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -42,7 +42,7 @@ MOST_ROWS = 10_000
 LONGEST_NAME = 255  # of a folder
 LEAN: Overrides = ("output.recording=false", "output.figures=false")
 
-Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+Name = Annotated[str, Field(pattern=WORD)]
 Seeds = Annotated[list[Annotated[int, Field(ge=0, lt=2**32)]], Field(min_length=1)]
 Scored = Literal["steady", "whole"]
 Picked = Annotated[list[str], Field(min_length=1)]
@@ -91,7 +91,7 @@ class Block(Config):
 class Suite(Config):
     """All axes, and the blocks of their product that are run."""
 
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
+    name: str = Field(pattern=NAME)
     description: str = ""
     seeds: Seeds = Field(
         default=[0], description="one run per seed; several where something is random"

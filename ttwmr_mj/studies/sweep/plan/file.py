@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
-from ttwmr_mj.config import Config
+from ttwmr_mj.config import NAME, WORD, Config
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.files import is_file, read_toml
 from ttwmr_mj.results.metrics import METRICS
@@ -20,7 +20,7 @@ from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_o
 
 Sampling = Literal["grid", "random", "latin_hypercube", "sobol"]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
-Name = Annotated[str, Field(pattern=r"^[a-z0-9][a-z0-9_]{0,63}$")]
+Name = Annotated[str, Field(pattern=WORD)]
 Table = dict[str, Any]
 MOST_SEEDS = 1_000_000
 OWN_KEYS = ("seed", "seeds", "name", "description", "schema_version")  # no parameters
@@ -35,7 +35,7 @@ class Variant(Config):
 class SweepFile(Config):
     """A sweep as its file gives it; what [parameters] holds is read by `parameter_of`."""
 
-    name: str = Field(pattern=r"^[a-z0-9][a-z0-9_-]{0,63}$")
+    name: str = Field(pattern=NAME)
     description: str = ""
     scenario: str = Field(description="a TOML file next to the sweep, or a shipped scenario")
     overrides: list[str] = Field(default=[], description="key.path=value, as for --set")
