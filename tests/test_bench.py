@@ -192,3 +192,12 @@ def test_rescoring_an_empty_folder_is_refused(tmp_path: Path) -> None:
     done = bench("quick", "--out", "out", "--rescore", cwd=tmp_path)
     assert done.returncode == 2
     assert "no finished runs" in done.stderr
+
+
+def test_a_folder_of_something_else_is_not_spread_into(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "notes.txt").write_text("mine")
+    assert main(["bench", "quick", "--out", str(tmp_path), "--quiet"]) == 2
+    assert "the folder holds something, and no runs of a suite" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.txt"]

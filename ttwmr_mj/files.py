@@ -37,7 +37,8 @@ def read_toml(path: Path) -> dict[str, Any]:
             raise ValueError(f"larger than {MOST_BYTES:,} bytes")
         return parse_toml(content.decode("utf-8-sig"))  # editors on Windows mark UTF-8
     except (OSError, ValueError) as error:
-        fault = Fault(problem=f"cannot be read as TOML: {error}")
+        why = getattr(error, "strerror", None) or error  # in the system's words, not Python's
+        fault = Fault(problem=f"cannot be read as TOML: {why}")
         raise InputError(fault, file=str(path)) from error
 
 

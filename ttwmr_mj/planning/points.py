@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError, of_system
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import MOST_BYTES
 from ttwmr_mj.state import FloatArray
 
@@ -53,7 +53,7 @@ def read_points(path: Path, metres_per_unit: float = 1e-3) -> Points:
         if not (np.abs(points) <= FARTHEST_M).all():
             raise ValueError(f"a point is farther than {FARTHEST_M:,.0f} m from the origin")
     except OSError as error:
-        raise InputError(Fault(problem=of_system(error)), file=str(path)) from error
+        raise InputError(Fault(problem=error.strerror or str(error)), file=str(path)) from error
     except (ET.ParseError, csv.Error, ValueError) as error:
         raise InputError(
             Fault(problem=f"no points can be read: {error}"), file=str(path)

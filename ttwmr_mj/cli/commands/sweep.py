@@ -55,6 +55,7 @@ class Sweep(Quiet, name="sweep"):
         from ttwmr_mj.studies.sweep.record import Wish
 
         part, wish = Part.of(self.shard), Wish.of(self.record) if self.record else None
+        compute = self._compute()
         if self.merge:
             plan, folder = self._merged()
         else:
@@ -65,7 +66,7 @@ class Sweep(Quiet, name="sweep"):
             folder = self._folder(plan)
             self._open(plan, folder)
         with kept_in(folder, lambda: "what is done is kept"):
-            complete = self._fill(plan, folder, part)
+            complete = self._fill(plan, folder, part, compute)
             if wish and not complete:
                 raise RunError("rows are recorded once all are there; join the parts first")
             if wish:
@@ -147,14 +148,13 @@ class Sweep(Quiet, name="sweep"):
             )
         return plan, self.out
 
-    def _fill(self, plan: Plan, folder: Path, part: Part) -> bool:
+    def _fill(self, plan: Plan, folder: Path, part: Part, compute: Compute) -> bool:
         """Compute what is missing; whether all is there."""
         from ttwmr_mj.studies.sweep.execute import fill
         from ttwmr_mj.studies.sweep.progress import sweep_progress
 
         start, stop = part.rows(plan)
         with sweep_progress(plan.name, stop - start, self.quiet) as told:
-            compute = self._compute()
             return fill(plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn)
 
     def _compute(self) -> Compute:

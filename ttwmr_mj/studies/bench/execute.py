@@ -6,10 +6,11 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import of_system
+from ttwmr_mj.errors import InputError, of_system
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
+from ttwmr_mj.runs.lock import NAME as LOCK
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
 from ttwmr_mj.runs.new_folder import make_folder
@@ -23,13 +24,14 @@ from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept, run_files
 
 BATCH = 16  # rows at once: what a kill may cost
 ENTRIES = ("ttwmr_mj.runs.many",)
+RUNS = "runs"  # where rows are
 ROW_FILE = "row.json"
 Progress = Callable[[float], None]
 
 
 def row_folder(row: SuiteRow, folder: Path) -> Path:
     """Where in a bench folder a row's run is."""
-    return folder / "runs" / row.key
+    return folder / RUNS / row.key
 
 
 def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
@@ -103,6 +105,7 @@ def run_suite(
     if told is not None:
         told(_foretold(scenarios.values()))
     make_folder(folder)
+    _refuse_foreign(folder)
     with locked(folder):
         kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
         missing = [key for key in rows if not _is_done(rows[key], kept[key], folder)]
@@ -124,6 +127,13 @@ def run_suite(
                 if progress is not None:
                     progress(float(done))
     return {key: not_run[key] for key in rows if key in not_run}
+
+
+def _refuse_foreign(folder: Path) -> None:
+    """Refuse to spread into a folder that holds something else."""
+    if not (folder / RUNS).exists() and any(path.name != LOCK for path in folder.iterdir()):
+        problem = "the folder holds something, and no runs of a suite"
+        raise InputError.at("--out", problem, got=str(folder), hint="give another one")
 
 
 def _foretold(scenarios: Iterable[Scenario]) -> list[str]:

@@ -8,6 +8,7 @@ worker that dies costs the chunks it was at; Dask gives them to others.
 from __future__ import annotations
 
 import pickle
+import re
 import subprocess
 import sys
 from collections.abc import Generator, Iterable, Iterator
@@ -21,6 +22,7 @@ from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 AHEAD = 2  # chunks that each processor of the cluster has waiting or under way
 CONNECT_S = 30.0
+ADDRESS = re.compile(r"[a-z+]+://[^/\s]+:\d+/?")
 DEATHS = 3  # workers that may die at a chunk before the chunk is to blame
 HINT = "pip install 'ttwmr-mj[cluster]', on this machine and on every worker"
 
@@ -29,8 +31,12 @@ def on_cluster(address: str) -> Compute:
     """Computes chunks on the Dask cluster whose scheduler is there.
 
     Raises:
+        InputError: this is no address.
         MachineError: dask.distributed is not installed, or nothing answers.
     """
+    if not ADDRESS.fullmatch(address):
+        allowed = "protocol, host and port, such as tcp://head:8786"
+        raise InputError.at("--scheduler", got=repr(address), allowed=allowed)
 
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
         with _client(address) as client, client.as_current(), _scheduler_lost(address):
