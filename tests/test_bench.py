@@ -14,6 +14,8 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
+from ttwmr_mj.cli.main import main
+
 SUITE = """
 name = "mine"
 seeds = [0, 1]
