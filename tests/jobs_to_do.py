@@ -90,6 +90,13 @@ def find_the_disk_full() -> None:
     raise OSError(errno.ENOSPC, "no space left on device")
 
 
+def find_no_room_for_the_answer() -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "no space left on device")
+
+    Path.open = full  # type: ignore[assignment, method-assign]
+
+
 def miss_opengl() -> None:
     raise MachineError("there is no OpenGL")
 

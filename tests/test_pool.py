@@ -140,6 +140,7 @@ def test_a_job_that_takes_too_long_is_killed_with_all_it_started(tmp_path: Path)
         (jobs_to_do.killed, True),
         (jobs_to_do.find_the_disk_full, True),
         (jobs_to_do.miss_opengl, True),
+        (jobs_to_do.find_no_room_for_the_answer, True),
         (jobs_to_do.crash, False),
         (jobs_to_do.break_off, False),
         (jobs_to_do.refuse, False),

@@ -33,9 +33,7 @@ from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
-NO_ROOM = (
-    75  # exit code of a process whose answer the disk does not take; EX_TEMPFAIL of sysexits.h
-)
+NO_ROOM = 75  # exit code where the disk takes no answer; EX_TEMPFAIL of sysexits.h
 SERVER_GONE = "the server of the processes was ended; the same command tries again"
 LOOK_EVERY_S = 1.0  # for the caller, by a process whose law closed what tells of its end
 TRIES, TRY_AGAIN_S = 50, 0.1  # to start a process
