@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.studies.pool import jobs
 
 CALLS: list[int] = []
 
@@ -42,10 +43,11 @@ def crash() -> None:
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
-def close_all(after_s: float) -> str:
-    """Close what a process does not own, before or after it begins to watch its caller."""
-    time.sleep(after_s)
+def close_all() -> str:
+    """Close what a process does not own, after and before it begins to watch its caller."""
+    time.sleep(0.5)
     os.closerange(3, 200)
+    threading.Thread(target=jobs._leave_with_the_caller, daemon=True).start()
     time.sleep(2.5)
     return "done all the same"
 
