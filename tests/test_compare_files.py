@@ -15,7 +15,7 @@ from ttwmr_mj.studies.compare import study
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
-from ttwmr_mj.studies.compare.text import markdown, plain
+from ttwmr_mj.studies.compare.text import fixed, markdown, plain
 
 
 def test_the_gate_names_what_exceeded_what(tmp_path: Path) -> None:
@@ -117,7 +117,7 @@ def test_the_page_tells_where_the_deviation_comes_from(tmp_path: Path) -> None:
     assert cells is not None
     told = re.findall(r"<td[^>]*>([^<]*)</td>", cells[1])
     sizes = [row[f"{name}_rad"] for name in ("alone", "interaction", "contribution")]
-    assert told == [*(f"{1e3 * size:.4f}" for size in sizes), f"{100 * row['share']:.1f} %"]
+    assert told == [*(fixed(1e3 * size) for size in sizes), f"{100 * row['share']:.1f} %"]
     assert (tmp_path / "attribution.parquet").is_file()
     assert "run.rrd" not in page
 

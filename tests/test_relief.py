@@ -228,7 +228,10 @@ def test_a_trailer_that_lifts_a_wheel_is_told() -> None:
     overrides = ["robot.trailer.mass_kg=10.0", "duration_s=5.0"]
     (verdict,) = tt.simulate(tt.load_scenario("inverted_trailer", overrides)).verdicts
     assert verdict.name == "off_the_ground"
-    assert verdict.what.startswith("a wheel was off the ground at 51")
+    # how often, another processor's rounding decides
+    assert verdict.number > verdict.limit == 0.3
+    share = f"{100 * verdict.number:.1f} % of the samples (limit 30 %)"
+    assert verdict.what == f"a wheel was off the ground at {share}"
 
 
 def test_tyres_that_slide_are_on_the_ground() -> None:
