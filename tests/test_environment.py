@@ -38,8 +38,8 @@ def ttwmr(folder: Path, *words: str, **env: str) -> subprocess.CompletedProcess[
 @pytest.mark.parametrize(
     ("which", "most", "words"),
     [
-        (resource.RLIMIT_AS, 1_500_000_000, "1.5 GB (ulimit -v), of which 6 GB are needed"),
-        (resource.RLIMIT_NOFILE, 20, "20 files can be open at once (ulimit -n), 64 are needed"),
+        (resource.RLIMIT_AS, 1_500_000_000, "1.5 GB (ulimit -v), but 6 GB are needed"),
+        (resource.RLIMIT_NOFILE, 20, "20 files can be open at once (ulimit -n), but 64 are needed"),
     ],
 )
 def test_limits_of_the_shell_that_leave_no_room_are_refused(

@@ -120,7 +120,7 @@ def written(path: Path) -> Iterator[Path]:
 @contextmanager
 def _lasting(path: Path) -> Iterator[bool]:
     """Whether what is there is to be written to, and not replaced; it has its reader meanwhile."""
-    if not path.exists() or path.is_file() or path.is_dir():
+    if not is_stream(path):
         yield False
         return
     of_system = resolved(path.parent).parts[1] in ("dev", "proc")

@@ -62,14 +62,14 @@ def refuse_narrow_limits() -> None:
     address_space = resource.getrlimit(resource.RLIMIT_AS)[0]
     if address_space != resource.RLIM_INFINITY and address_space < LEAST_ADDRESS_SPACE:
         raise MachineError(
-            f"the address space is limited to {address_space / 1e9:.2g} GB (ulimit -v), of which "
-            f"{LEAST_ADDRESS_SPACE / 1e9:g} GB are needed; ulimit -v unlimited"
+            f"the address space is limited to {address_space / 1e9:.2g} GB (ulimit -v), but "
+            f"{LEAST_ADDRESS_SPACE / 1e9:g} GB are needed; `ulimit -v unlimited` lifts the limit"
         )
     files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     if files != resource.RLIM_INFINITY and files < LEAST_FILES:
         raise MachineError(
-            f"no more than {files} files can be open at once (ulimit -n), {LEAST_FILES} are "
-            f"needed; ulimit -n {LEAST_FILES}"
+            f"no more than {files} files can be open at once (ulimit -n), but {LEAST_FILES} are "
+            f"needed; `ulimit -n {LEAST_FILES}` raises the limit"
         )
 
 

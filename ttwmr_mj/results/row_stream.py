@@ -97,8 +97,8 @@ def read_run(folder: Path) -> Trajectory:
         return Trajectory.read(whole)
     if not growing.is_file():
         raise InputError(
-            f"there is no trajectory.parquet and no {ROWS_FILE}: what the folder holds is no run, "
-            "or one that ended before any row was written",
+            f"there is no trajectory.parquet and no {ROWS_FILE}: this is not a run folder, or "
+            "its run ended before a row was written",
             file=str(folder),
         )
     return read_rows(growing)

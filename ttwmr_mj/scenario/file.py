@@ -28,7 +28,7 @@ def find_scenario(name_or_path: str) -> Path:
     if is_file(path):
         return path
     if is_stream(path):
-        hint = "write it into a file: other files are named relative to its folder"
+        hint = "write it into a file: the files that it names are looked up beside it"
         raise InputError(Fault(problem="is a pipe or a device", hint=hint), file=name_or_path)
     shipped = shipped_scenarios()
     if name_or_path in shipped:

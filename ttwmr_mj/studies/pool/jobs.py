@@ -34,7 +34,7 @@ from ttwmr_mj.studies.pool.preload import ask_for, load
 # what the machine or a person ends a process with, out of memory included
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
 NO_ROOM = 75  # exit code where the disk takes no answer; EX_TEMPFAIL of sysexits.h
-SERVER_GONE = "the server of the processes was ended; the same command tries again"
+SERVER_GONE = "the server that starts the processes ended; the same command tries again"
 LOOK_EVERY_S = 1.0  # for the caller, by a process whose law closed what tells of its end
 TRIES, TRY_AGAIN_S = 50, 0.1  # to start a process
 _leave, _rename = os._exit, os.replace  # which a law may put others in place of
@@ -150,7 +150,7 @@ def _wait(running: list[_Process]) -> None:
 class _Process:
     """A job under way, in a process that leaves its answer in a file.
 
-    A pipe would be in reach of the job's law, which could close it or write into it.
+    A pipe would be open in that process, where a law could close it or write into it.
 
     Attributes:
         ends_at: when its time is over, on the monotonic clock.
@@ -180,7 +180,7 @@ class _Process:
         elif answer is None and server_gone:
             answer = Failed(self._job, SERVER_GONE, of_machine=True)
         elif answer is None and code == NO_ROOM:
-            problem = "the folder for temporary files took no answer: see TMPDIR"
+            problem = "the folder for temporary files (TMPDIR) is full"
             answer = Failed(self._job, problem, of_machine=True)
         elif answer is None:
             how = _exit_name(code)
@@ -228,7 +228,7 @@ def _started(context: Any, arguments: tuple[Job, Path, Path]) -> Any:
             sleep(TRY_AGAIN_S)
         else:
             return process
-    raise MachineError("the server that processes are started from ends again and again")
+    raise MachineError("the server that starts the processes keeps ending")
 
 
 def _is_at_end(pipe: int) -> bool:
@@ -337,8 +337,8 @@ def _done(job: Job) -> Event:
 
 def _unforeseen(error: BaseException) -> str:
     """What nobody raised on purpose, and where, in one line."""
-    where = traceback.extract_tb(error.__traceback__)
-    place = f" ({Path(where[-1].filename).name}:{where[-1].lineno})" if where else ""
     if isinstance(error, OSError) and error.filename is not None:
         return of_system(error)  # which names its file
+    where = traceback.extract_tb(error.__traceback__)
+    place = f" ({Path(where[-1].filename).name}:{where[-1].lineno})" if where else ""
     return f"{in_one_line(described(error))}{place}"

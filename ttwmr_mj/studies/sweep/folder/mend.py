@@ -20,7 +20,7 @@ def mend(folder: Path, plan: Plan) -> list[str]:
     """Delete shards and a table that cannot be read or hold something else; says which."""
     bad = [shard.path for shard in shards_in(folder, plan) if not _is_sound(shard, plan)]
     table = folder / RESULTS_FILE
-    if table.exists() and not _holds_all(table, plan):
+    if table.exists() and not table.is_dir() and not _holds_all(table, plan):
         bad.append(table)
     for path in bad:
         remove(path)
