@@ -99,7 +99,7 @@ def test_robots_start_at_rest_on_rolling_ground_where_they_are_told() -> None:
     start.q[:] = [[0.3, 0.2, 1.0, 1.4], [-0.6, 0.4, -2.0, -1.0], [0.0, -0.9, 0.3, 2.0]]
     plant.reset(start)
     assert plant.state().q == pytest.approx(start.q, abs=1e-6)
-    footing = plant.footing()
+    footing = plant.footing(plant.stance())
     assert footing.wheels_on_floor.tolist() == [2, 2, 2]
     # the tractor stands across 0.27 m of heights that differ by a few mm
     assert np.abs(footing.height_m).max() < 0.006
@@ -185,7 +185,9 @@ def test_a_kerb_lifts_the_larger_robot_and_stops_small_balls() -> None:
         for _ in range(80):
             plant.advance(np.full((1, 2), 0.2 / robot.tractor.wheel_radius_m), 33)
             x = plant.state().q[0, 0]
-            over_plane.append(plant.footing().height_m[0] + (0.003 if 0.3 < x < 0.7 else 0.0))
+            over_plane.append(
+                plant.footing(plant.stance()).height_m[0] + (0.003 if 0.3 < x < 0.7 else 0.0)
+            )
         ends.append(x)
     assert ends[0] < 0.3
     assert ends[1] > 0.4
@@ -292,7 +294,7 @@ def test_a_plate_under_all_of_a_train_is_a_floor(height_m: float) -> None:
     for ground in (Ground(), Ground(kerbs=(plate,))):
         plant = ContactPlant(train, ContactOptions(), ground=ground)
         plant.reset(RobotState(q=q, q_rate=np.zeros_like(q)))
-        footings.append(plant.footing())
+        footings.append(plant.footing(plant.stance()))
         # where it is put, to what the let-down moves it: it slides by micrometres
         np.testing.assert_allclose(plant.state().q, q, atol=1e-5)
     flat, raised = footings

@@ -32,20 +32,34 @@ def arrival_s(change_rad_s: FloatArray, servo: Servo) -> FloatArray:
 def ramp(
     start_rad_s: FloatArray, command_rad_s: FloatArray, servo: Servo, time_s: FloatArray
 ) -> FloatArray:
-    """The speed setpoint at times after a new command.
+    """The speed setpoint (nsim, n, 2) at times (n,) after a new command, as of `Ramp`."""
+    return Ramp(servo, time_s)(start_rad_s, command_rad_s)
 
-    Args:
-        start_rad_s: (nsim, 2) setpoint when the command arrives.
-        command_rad_s: (nsim, 2) commanded speed; clipped to the servo's range.
-        servo: limits.
+
+class Ramp:
+    """The speed setpoint at the same times after every new command.
+
+    Attributes:
         time_s: (n,) times since the command.
-
-    Returns:
-        (nsim, n, 2) setpoints [rad/s].
     """
-    change = limit_speed(command_rad_s, servo) - start_rad_s
-    reach = column(column(servo.acceleration_limit_rad_s2)) * time_s[:, None]
-    return start_rad_s[:, None, :] + _within(change[:, None, :], reach)
+
+    def __init__(self, servo: Servo, time_s: FloatArray) -> None:
+        """Take the limits and the times."""
+        self.time_s = time_s
+        self._high = np.asarray(column(servo.speed_limit_rad_s))
+        self._reach = column(column(servo.acceleration_limit_rad_s2)) * time_s[:, None]
+        self._low, self._back = -self._high, -self._reach
+
+    def __call__(self, start_rad_s: FloatArray, command_rad_s: FloatArray) -> FloatArray:
+        """The setpoints (nsim, n, 2) [rad/s].
+
+        Args:
+            start_rad_s: (nsim, 2) setpoint when the command arrives.
+            command_rad_s: (nsim, 2) commanded speed; clipped to the servo's range.
+        """
+        change = np.minimum(np.maximum(command_rad_s, self._low), self._high) - start_rad_s
+        moved = np.minimum(np.maximum(change[:, None, :], self._back), self._reach)
+        return np.asarray(start_rad_s[:, None, :] + moved)
 
 
 def ramp_and_angle(

@@ -50,8 +50,20 @@ class Plant(Protocol):
     def contact_readings(self) -> FloatArray:
         """(nsim, ncontact, 15) contact sensors; ncontact = 0 where there are no contacts."""
 
-    def footing(self) -> Footing | None:
-        """How the robots stand; None where there is nothing to stand on."""
+    def stance(self) -> FloatArray:
+        """(nsim, m) what `footing` tells from how the robots stand now.
+
+        m = 0 where there is nothing to stand on.
+        """
+
+    def footing(self, stance: FloatArray) -> Footing:
+        """How the robots stood, for any number of stances (..., nsim, m); only if m > 0."""
+
+    def sound(self, stance: FloatArray) -> bool:
+        """Whether it is plain at a glance that no simulation has failed, and all robots stand.
+
+        If it is not, `failed` and `footing` know.
+        """
 
     def failed(self) -> BoolArray:
         """(nsim,) simulations whose physics broke."""
@@ -80,8 +92,18 @@ class EquationPlant(Plant):
         """(nsim, 0, 15): the model has no contacts."""
         return np.empty((self.nsim, 0, 15))
 
-    def footing(self) -> None:
-        """None: the model has no third dimension."""
+    def stance(self) -> FloatArray:
+        """(nsim, 0): the model has no third dimension."""
+        return np.empty((self.nsim, 0))
+
+    def footing(self, stance: FloatArray) -> Footing:
+        """Never asked: there is nothing to stand on."""
+        raise NotImplementedError
+
+    def sound(self, stance: FloatArray) -> bool:
+        """Whether no simulation has failed."""
+        del stance
+        return not self.failed().any()
 
     def fault(self, index: int) -> str:
         """What broke in one failed simulation: there is one way to break."""

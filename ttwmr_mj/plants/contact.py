@@ -11,7 +11,7 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Drive, Firmware
 from ttwmr_mj.dynamics.regions import friction_at
-from ttwmr_mj.dynamics.servo import ramp
+from ttwmr_mj.dynamics.servo import Ramp
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
@@ -97,7 +97,7 @@ class ContactPlant(Plant):
         self._stance = self._standing_on(self._reliefs)
         self._reach_m = max(map(_reach_m, rows_of(robot, nsim)))
         self._setpoint: FloatArray = np.zeros((nsim, 2))
-        self._time: FloatArray = np.zeros(0)
+        self._ramp = Ramp(robot.servo, np.zeros(0))
         self._record: tuple[str, ...] = ()
         self._passed: list[tuple[FloatArray, FloatArray, FloatArray]] = []
 
@@ -190,9 +190,17 @@ class ContactPlant(Plant):
         self._batch.reset()
         return self._joints.turned_back(pattern)
 
-    def footing(self) -> Footing:
-        """How the robots stand on the ground."""
-        return self._stance.footing(self._qpos, self._sensordata, self._body_position)
+    def stance(self) -> FloatArray:
+        """(nsim, 19) of how the robots stand on the ground, for `footing`."""
+        return self._stance.read(self._qpos, self._sensordata, self._body_position)
+
+    def footing(self, stance: FloatArray) -> Footing:
+        """How the robots stood, for stances (..., nsim, 19)."""
+        return self._stance.footing(stance)
+
+    def sound(self, stance: FloatArray) -> bool:
+        """Whether MuJoCo did not warn, and the robots plainly stand."""
+        return not self._warnings.any() and self._stance.stands(stance)
 
     def _roll_balls(self) -> None:
         """Spin the casters' balls so that they roll: their points of contact are at rest."""
@@ -243,9 +251,10 @@ class ContactPlant(Plant):
         if self._torque_input:
             control = np.repeat(command[:, None], steps, axis=1)
         else:
-            if self._time.size != steps:
-                self._time = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
-            control = ramp(self._setpoint, command, self._robot.servo, self._time)
+            if self._ramp.time_s.size != steps:
+                time_s = self.time_step_s * np.arange(1, steps + 1, dtype=np.float64)
+                self._ramp = Ramp(self._robot.servo, time_s)
+            control = self._ramp(self._setpoint, command)
             self._setpoint = control[:, -1]
         if self._firmware is None:
             self._step(control)

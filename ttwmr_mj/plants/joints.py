@@ -32,23 +32,25 @@ class Joints:
         (self.free_qpos,), (self._free_qvel,) = places(("tractor",))
         named = {model.joint(i).name for i in range(model.njnt)}
         self.trailers = next(n for n in range(1, model.njnt) if hitches(n + 1)[-1] not in named)
-        self._hitch_qpos, self._hitch_qvel = map(_run, places(hitches(self.trailers)))
+        hitch_qpos, hitch_qvel = places(hitches(self.trailers))
+        self._hitch_qpos, self._hitch_qvel = _run(hitch_qpos), _run(hitch_qvel)
+        x, vx = self.free_qpos, self._free_qvel
+        # where x, y, something in θ1's stead, and the hitches' angles are; and their rates
+        self._q_places = np.array([x, x + 1, x + Z, *hitch_qpos])
+        self._q_rate_places = np.array([vx, vx + 1, vx + YAW_RATE, *hitch_qvel])
         self.wheel_qpos, self.wheel_qvel = map(_run, places(WHEELS))
         _, self.ball_qvel = places(casters(self.trailers))
-        self._width = 3 + self.trailers
 
     def planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
         """The q and its rate (..., 3 + n) of qpos (..., nq) and qvel (..., nv); θ1 is wrapped."""
-        free, speed = self.free_qpos, self._free_qvel
-        q, q_rate = (np.empty((*qpos.shape[:-1], self._width)) for _ in range(2))
-        q[..., :2] = qpos[..., free : free + 2]
+        q, q_rate = qpos.take(self._q_places, axis=-1), qvel.take(self._q_rate_places, axis=-1)
         # the quaternion's twist about the vertical; a flat robot's tilt does not enter
-        theta1 = 2.0 * np.arctan2(qpos[..., free + Z], qpos[..., free + W])
-        turn = qvel[..., speed + YAW_RATE]
-        q_rate[..., :2] = qvel[..., speed : speed + 2]
-        q[..., THETA1], q_rate[..., THETA1] = theta1, turn
-        q[..., THETA2:] = theta1[..., None] + qpos[..., self._hitch_qpos].cumsum(axis=-1)
-        q_rate[..., THETA2:] = turn[..., None] + qvel[..., self._hitch_qvel].cumsum(axis=-1)
+        q[..., THETA1] = 2.0 * np.arctan2(q[..., THETA1], qpos[..., self.free_qpos + W])
+        for values in (q, q_rate):
+            hitches = values[..., THETA2:]
+            if self.trailers > 1:
+                np.add.accumulate(hitches, axis=-1, out=hitches)
+            hitches += values[..., THETA1, None]
         return q, q_rate
 
     def standing(self, pattern: FloatArray, q: FloatArray) -> FloatArray:

@@ -79,6 +79,7 @@ class Relief:
 
     Attributes:
         flat: whether there is only the floor.
+        lowest_m: no place is lower.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -86,11 +87,13 @@ class Relief:
         self._kerbs = [geoms[name] for name in geoms if name.startswith("kerb_")]
         self._model, self._terrain = model, geoms.get(TERRAIN)
         self.flat = self._terrain is None and not self._kerbs
+        self.lowest_m = 0.0
         if self._terrain is not None:
             shape = int(model.hfield_nrow[0]), int(model.hfield_ncol[0])
             self._half, _, rise, _ = model.hfield_size[0].tolist()
             low = model.geom_pos[self._terrain][2]
             self.heights_m = low + rise * model.hfield_data.reshape(shape)
+            self.lowest_m = float(self.heights_m.min())
 
     def at(self, points_m: FloatArray) -> FloatArray:
         """(...) height under points (..., 2); beyond the terrain that of its nearest point."""

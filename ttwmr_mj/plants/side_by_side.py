@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.plants.footing import Footing
+from ttwmr_mj.plants.base import EquationPlant, Plant
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 Who = NDArray[np.intp]  # simulations, by their place in the batch
 
 
-class SideBySide(Plant):
+class SideBySide(EquationPlant):
     """Some simulations on one plant, some on another; nothing else is seen of it."""
 
     def __init__(self, parts: Sequence[tuple[Plant, Who]]) -> None:
@@ -45,27 +44,6 @@ class SideBySide(Plant):
         """See `Plant`."""
         for plant, who in self._parts:
             plant.advance(command[who], steps)
-
-    def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """See `Plant`."""
-        for plant, who in self._parts:
-            plant.push({half: force[who] for half, force in forces_n.items()})
-
-    def joint_positions(self) -> FloatArray:
-        """See `Plant`."""
-        return self._joined([plant.joint_positions() for plant, _ in self._parts])
-
-    def contact_readings(self) -> FloatArray:
-        """See `Plant`."""
-        return self._joined([plant.contact_readings() for plant, _ in self._parts])
-
-    def footing(self) -> Footing | None:
-        """See `Plant`."""
-        parts = [plant.footing() for plant, _ in self._parts]
-        standing = [part for part in parts if part is not None]
-        if len(standing) < len(parts):
-            return None
-        return Footing(*map(self._joined, map(list, zip(*standing, strict=True))))
 
     def failed(self) -> BoolArray:
         """See `Plant`."""

@@ -10,6 +10,7 @@ import numpy as np
 from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.errors import MachineError
 from ttwmr_mj.plants.base import Plant
+from ttwmr_mj.plants.footing import FLOWN_M, TIPPED_RAD, Footing
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.laws import Broken, Laws
@@ -19,12 +20,11 @@ from ttwmr_mj.runs.stopwatch import Stopwatch
 from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
-from ttwmr_mj.state import BoolArray, RobotState
+from ttwmr_mj.state import FloatArray, RobotState
 
 Status = Literal["ok", "diverged", "failed", "interrupted", "killed"]
 Report = Callable[[Trajectory], None]
-TIPPED_RAD = 1.0  # no wheel of a robot so far tilted carries it any longer
-FLOWN_M = 0.3  # over the ground: whatever threw it, it is not driving
+STANCES = 1000  # of so many samples at most, what they say of the footing is still to be computed
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,6 +84,7 @@ class Loop:
     control_time_s: list[float] = field(default_factory=list)
     watch: Stopwatch = field(default_factory=Stopwatch)
     _first: RobotState | None = None
+    _stances: dict[int, FloatArray] = field(default_factory=dict)  # of the last samples
     _reported: int = 0
     _last_report_s: float = field(default_factory=perf_counter)
 
@@ -128,6 +129,7 @@ class Loop:
 
     def _report_rest(self) -> None:
         """Report the last rows, unless that was done."""
+        self._fill_footing()
         if self.report and self._reported < self.done:
             self.watch.lap("loop")
             self.report(self.rows.rows(self._reported, self.done))
@@ -152,20 +154,23 @@ class Loop:
         if rows.contact_readings.size:
             rows.contact_readings[k] = plant.contact_readings()
         self.done = k + 1
-        failed, gone = plant.failed(), self._record_footing(k)
-        if failed.any() or gone.any() or not np.abs(truth.q).max() <= ESCAPE:
-            self._end_some(truth, failed, gone, k)
+        stance = plant.stance()
+        if stance.size:
+            self._stances[k] = stance
+        if not (plant.sound(stance) and np.abs(truth.q).max() <= ESCAPE):
+            self._end_some(truth, k)
         self._first = self._first or truth
         return self._with_the_ended_at_rest(truth) if self.ends else truth
 
-    def _record_footing(self, k: int) -> BoolArray:
-        """Record how the robots stand at sample k; who does no longer (nsim,)."""
-        footing = self.plant.footing()
-        if footing is None:
-            return np.zeros(self.plant.nsim, dtype=np.bool_)
+    def _fill_footing(self) -> None:
+        """Record how the robots stood at the last samples."""
+        if not self._stances:
+            return
+        samples = list(self._stances)
+        footing = self.plant.footing(np.array([*self._stances.values()]))
         for name, values in zip(footing._fields, footing, strict=True):
-            getattr(self.rows, name)[k] = values
-        return np.asarray((footing.tilt_rad > TIPPED_RAD) | (footing.height_m > FLOWN_M))
+            getattr(self.rows, name)[samples] = values
+        self._stances.clear()
 
     def _with_the_ended_at_rest(self, truth: RobotState) -> RobotState:
         """The state with ended simulations where they started: nothing they do harms the others."""
@@ -218,19 +223,24 @@ class Loop:
             torque = command.wheel_torque_n_m if scenario.control.torque_input else None
             self.actuation.drive(plant, command.wheel_speed_rad_s if torque is None else torque)
         now = self.watch.lap("plant")
-        if self.report and now - self._last_report_s > self.pace.report_every_s:
+        due = now - self._last_report_s > self.pace.report_every_s
+        if due or len(self._stances) >= STANCES:
+            self._fill_footing()
+        if self.report and due:
             self.report(self.rows.rows(self._reported, self.done))
             self._reported, self._last_report_s = self.done, self.watch.lap("report")
 
-    def _end_some(self, truth: RobotState, failed: BoolArray, gone: BoolArray, k: int) -> None:
+    def _end_some(self, truth: RobotState, k: int) -> None:
         """Note how simulations ended whose physics failed or whose state left all bounds."""
         time_s = k * self.scenario.control.sampling_time_s
-        escaped = np.abs(truth.q).max(axis=1) > ESCAPE
+        failed, escaped = self.plant.failed(), np.abs(truth.q).max(axis=1) > ESCAPE
+        footing = self.plant.footing(self._stances[k]) if self._stances else None
+        gone = np.zeros_like(failed) if footing is None else footing.gone
         for i in map(int, np.flatnonzero(failed | escaped | gone)):
             if failed[i]:
                 end = Outcome("failed", f"the physics failed: {self.plant.fault(i)}", time_s)
-            elif gone[i]:
-                end = Outcome("diverged", _no_longer_stands(self.rows, k, i), time_s)
+            elif footing is not None and gone[i]:
+                end = Outcome("diverged", _no_longer_stands(footing, i), time_s)
             else:
                 reason = f"the state diverged beyond {ESCAPE:g} m or {ESCAPE:g} rad"
                 end = Outcome("diverged", reason, time_s)
@@ -255,8 +265,8 @@ class Loop:
         self.lengths.setdefault(simulation, max(self.done, 1))  # the start is always a row
 
 
-def _no_longer_stands(rows: Trajectory, k: int, simulation: int) -> str:
-    tilt, height = rows.tilt_rad[k, simulation], rows.height_m[k, simulation]
+def _no_longer_stands(footing: Footing, simulation: int) -> str:
+    tilt, height = footing.tilt_rad[simulation], footing.height_m[simulation]
     if tilt > TIPPED_RAD:
         return f"the robot tipped over: its tilt is {tilt:.2g} rad (limit {TIPPED_RAD:g} rad)"
     return f"the robot left the ground: it is {height:.2g} m above it (limit {FLOWN_M:g} m)"
