@@ -12,6 +12,7 @@ import time
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.files import written
 from ttwmr_mj.studies.pool import jobs
 
 CALLS: list[int] = []
@@ -113,3 +114,9 @@ def sleep_with_a_child(pids: Path) -> None:
     draft.write_text(f"{os.getpid()} {child.pid}")
     draft.replace(pids)
     time.sleep(600.0)
+
+
+def write_half(path: Path) -> None:
+    with written(path) as draft:
+        draft.write_text("half")
+        os.kill(os.getpid(), signal.SIGKILL)

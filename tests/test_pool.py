@@ -55,7 +55,7 @@ def test_every_job_has_fresh_globals_and_no_more_are_taken_than_there_are_worker
 @pytest.mark.parametrize(
     ("call", "line"),
     [
-        (jobs_to_do.break_off, "ZeroDivisionError: of its own making (jobs_to_do.py:30)"),
+        (jobs_to_do.break_off, "ZeroDivisionError: of its own making (jobs_to_do.py:31)"),
         (jobs_to_do.leave, "the process ended with exit code 3: last words"),
         (jobs_to_do.leave_quietly, "the process ended with exit code 0"),
         (jobs_to_do.crash, "the process ended with SIGSEGV"),
@@ -132,6 +132,16 @@ def test_a_job_that_takes_too_long_is_killed_with_all_it_started(tmp_path: Path)
     (event,) = run_jobs(jobs)
     assert event == Failed(jobs[0], "timed out after 3 s", late=True)
     wait_until_gone([int(pid) for pid in pids.read_text().split()])
+
+
+@pytest.mark.parametrize("place", ["run", "run/a.json"])
+def test_of_a_job_that_is_killed_nothing_is_left_half_written(tmp_path: Path, place: str) -> None:
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "whole.json").write_text("{}")
+    file = tmp_path / "run" / "a.json"
+    (event,) = run_jobs([Job("bad", jobs_to_do.write_half, (file,), places=(tmp_path / place,))])
+    assert isinstance(event, Failed)
+    assert [path.name for path in (tmp_path / "run").iterdir()] == ["whole.json"]
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import re
 import socket
@@ -42,6 +43,13 @@ def test_the_file_is_named_that_could_not_be_written(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError) as error:
         write_text(tmp_path / "no" / "a.json", "{}")
     assert error.value.filename == str(tmp_path / "no" / "a.json")
+
+
+def test_the_file_is_named_that_found_no_room(tmp_path: Path) -> None:
+    """What writes to an open file does not know its name."""
+    with pytest.raises(OSError, match=r"a\.json") as error, written(tmp_path / "a.json"):
+        Path("/dev/full").write_text("too much", encoding="utf-8")
+    assert error.value.errno == errno.ENOSPC
 
 
 def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:

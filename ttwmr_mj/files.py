@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
 MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
+DRAFT = ".part"  # what a file's name ends with until it is whole
 
 
 def read_toml(path: Path) -> dict[str, Any]:
@@ -105,16 +106,29 @@ def written(path: Path) -> Iterator[Path]:
             return
     if path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    temporary = path.with_name(path.name + ".part")
+    temporary = _draft(path)
     try:
         yield temporary
         temporary.replace(path)
     except BaseException as error:
-        if isinstance(error, OSError) and error.filename == str(temporary):
+        if isinstance(error, OSError) and error.errno and error.filename in (None, str(temporary)):
             error.filename = str(path)  # the name that its user knows
         with suppress(OSError):
             temporary.unlink()
         raise
+
+
+def delete_drafts(places: Iterable[Path]) -> None:
+    """Delete what a process that was killed wrote half: of these files, or in these folders."""
+    for place in places:
+        drafts = place.rglob(f"*{DRAFT}") if place.is_dir() else (_draft(place),)
+        for draft in drafts:
+            with suppress(OSError):
+                draft.unlink(missing_ok=True)
+
+
+def _draft(path: Path) -> Path:
+    return path.with_name(path.name + DRAFT)
 
 
 @contextmanager

@@ -156,7 +156,13 @@ def _computed(
         chunks: Iterable[tuple[Placed, ...]],
     ) -> Generator[tuple[tuple[Placed, ...], Failed | None], None, None]:
         jobs = (
-            Job(chunk[0].folder.name, run_into_folders, (chunk,), timeout_s * len(chunk))
+            Job(
+                chunk[0].folder.name,
+                run_into_folders,
+                (chunk,),
+                timeout_s * len(chunk),
+                tuple(placed.folder.absolute() for placed in chunk),
+            )
             for chunk in chunks
         )
         with closing(run_jobs(jobs, workers=workers, preload=PRELOAD)) as events:

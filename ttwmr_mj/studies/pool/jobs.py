@@ -28,7 +28,7 @@ from time import monotonic, sleep
 from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
-from ttwmr_mj.files import variable
+from ttwmr_mj.files import delete_drafts, variable
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
@@ -48,6 +48,7 @@ class Job:
     call: Callable[..., Any]  # a function that can be imported by its name
     arguments: tuple[Any, ...] = ()  # of `call`; they and its result can be pickled
     timeout_s: float = math.inf  # wall time after which the job's process is killed
+    places: tuple[Path, ...] = ()  # files and folders of its own that it writes
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,6 +199,8 @@ class _Process:
         self._process.join()
         code = int(self._process.exitcode)
         self._process.close()
+        if code:
+            delete_drafts(self._job.places)
         return code
 
     def _answered(self) -> Event | None:
@@ -337,8 +340,8 @@ def _done(job: Job) -> Event:
 
 def _unforeseen(error: BaseException) -> str:
     """What nobody raised on purpose, and where, in one line."""
-    if isinstance(error, OSError) and error.filename is not None:
-        return of_system(error)  # which names its file
+    if isinstance(error, OSError) and (error.errno or error.filename is not None):
+        return of_system(error)
     where = traceback.extract_tb(error.__traceback__)
     place = f" ({Path(where[-1].filename).name}:{where[-1].lineno})" if where else ""
     return f"{in_one_line(described(error))}{place}"

@@ -82,7 +82,7 @@ def run_task(
         command_line,
         scenario_folder and scenario_folder.absolute(),
     )
-    job = Job(name, make_run, arguments, timeout_s)
+    job = Job(name, make_run, arguments, timeout_s, (folder.absolute(),))
     made_of = made_of_run(scenario, scenario_folder)
     return Work(made_of, folder / MADE_OF_FILE, run_files(folder), job=job)
 

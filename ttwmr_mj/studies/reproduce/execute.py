@@ -69,7 +69,7 @@ def _study_task(out: Path, name: str) -> Work:
     study, path = STUDIES[name], study_file(out, name)
     libraries = ("sympy",) if name == "proofs" else ("numpy", "scipy")
     made_of = made_of_study(getattr(study, "func", study).__module__, libraries)
-    job = Job(name, do_study, (name, path.absolute()))
+    job = Job(name, do_study, (name, path.absolute()), places=(path.absolute(),))
     return Work(made_of, path.with_suffix(".made_of.json"), (path,), job=job)
 
 
