@@ -229,6 +229,13 @@ def test_what_makes_another_batch(change: str) -> None:
     assert batch_key(plain) != batch_key(load_scenario("lab_circle", [*SHORT, change]))
 
 
+def test_pushes_on_different_bodies_make_another_batch() -> None:
+    push = "plant.pushes=[{{start_s=0.1,duration_s=0.1,force_n=[0.1,0.0],{on}}}]"
+    on = ("on='tractor'", "trailer=1", "trailer=2")
+    rows = [load_scenario("double_inverted", [push.format(on=one)]) for one in on]
+    assert len(set(map(batch_key, rows))) == 3
+
+
 def test_who_ends_early_does_not_harm_the_others(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(loop, "ESCAPE", 2.0)  # rad, of θ2
     scenarios = [

@@ -95,6 +95,15 @@ def test_files_are_there_or_not(line: str, left: list[str], tmp_path: Path) -> N
     assert ended.left == ["./filler", *left]
 
 
+def test_what_libraries_keep_for_later_may_find_no_room(tmp_path: Path) -> None:
+    """OpenGL's shaders in a file that is mapped into memory, Matplotlib's list of fonts."""
+    caches = "export XDG_CACHE_HOME=$PWD/cache MPLCONFIGDIR=$PWD/fonts; "
+    line = "ttwmr run lab_circle_camera --quiet --set duration_s=0.3 --out ../run"
+    ended = on_small_disk(tmp_path, "4k", FILLED + caches + line)
+    assert (ended.code, ended.err) == (0, "")
+    assert (tmp_path / "run" / "summary.png").is_file()
+
+
 @pytest.mark.parametrize(
     "words",
     [

@@ -209,6 +209,7 @@ def test_pushes_add_up_while_they_act() -> None:
         PushOptions(start_s=1.0, duration_s=0.5, force_n=(1.0, 2.0)),
         PushOptions(start_s=1.2, duration_s=1.0, force_n=(10.0, 0.0)),
         PushOptions(start_s=1.0, duration_s=0.1, force_n=(0.0, -3.0), on="tractor"),
+        PushOptions(start_s=1.4, duration_s=0.8, force_n=(0.0, 7.0), trailer=2),
     )
     drawn = Push.drawn(pushes, [np.random.default_rng(0)])
 
@@ -222,7 +223,10 @@ def test_pushes_add_up_while_they_act() -> None:
     assert acting(1.0 - 1e-12) == acting(1.0) == {"trailer": [1.0, 2.0], "tractor": [0.0, -3.0]}
     assert acting(1.1 - 1e-12) == acting(1.1) == {"trailer": [1.0, 2.0]}
     assert acting(1.3) == {"trailer": [11.0, 2.0]}
-    assert acting(1.5) == {"trailer": [10.0, 0.0]}
+    assert acting(1.5) == {"trailer": [10.0, 0.0], "trailer_2/trailer": [0.0, 7.0]}
+    beside = Push.beside([drawn, drawn])
+    assert forces(beside, 1.5)["trailer_2/trailer"].tolist() == [[0.0, 7.0]] * 2
+    assert [push.told().get("trailer") for push in drawn] == [1, 1, None, 2]
     assert acting(2.2) == {}
 
 

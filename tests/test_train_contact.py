@@ -7,6 +7,7 @@ from trains import motley, train
 
 import ttwmr_mj as tt
 from ttwmr_mj.dynamics.circling import circling
+from ttwmr_mj.dynamics.train import swing_matrix
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
@@ -17,6 +18,8 @@ from ttwmr_mj.plants.names import casters, trailer_part
 from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.robot import Casters, RobotParameters
 from ttwmr_mj.runs.build import initial_state, sample_reference
+from ttwmr_mj.runs.pushes import Push, forces
+from ttwmr_mj.scenario.schema import PushOptions
 from ttwmr_mj.state import RobotState
 
 PERIOD, STEPS = 0.033, 66
@@ -193,6 +196,25 @@ def test_a_folded_train_needs_room_for_the_second_trailer_beside_the_tractor(sid
         assert deep == pytest.approx(expected, abs=1e-5)
 
 
+@pytest.mark.parametrize("which", [1, 2, 3])
+def test_a_push_gives_a_train_the_impulse_it_should(which: int) -> None:
+    """The braked tractor stands, the train swings behind it: M·Δω = −F·Δt·(levers about P)."""
+    robot = train(3)
+    plant = ContactPlant(robot, ContactOptions())
+    plant.reset(RobotState.at_rest(0.0, 0.0, 0.0, [0.0, 0.0, 0.0]))
+    force_n, steps = 0.02, 20
+    options = PushOptions(start_s=0.0, duration_s=0.1, force_n=(0.0, force_n), trailer=which)
+    plant.push(forces(Push.drawn((options,), [np.random.default_rng(0)]), 0.0))
+    plant.advance(np.zeros((1, 2)), steps)
+    # trailers lie along −x: each before the one pushed carries it by its hitch, that by its COM
+    towing = [trailer.next_hitch_offset_m or 0.0 for trailer in robot.trailers[: which - 1]]
+    levers = np.array([*towing, robot.trailers[which - 1].com_offset_m, *[0.0] * (3 - which)])
+    impulse = -force_n * steps * plant.time_step_s * levers
+    expected = np.linalg.solve(swing_matrix(np.zeros((1, 3)), robot)[0], impulse)
+    # 3 %: the casters' balls roll along and add to M
+    np.testing.assert_allclose(plant.state().q_rate[0, 3:], expected, atol=0.03 * np.ptp(expected))
+
+
 @pytest.mark.parametrize(
     ("override", "key"),
     [
@@ -203,6 +225,10 @@ def test_a_folded_train_needs_room_for_the_second_trailer_beside_the_tractor(sid
         (
             "sensing={kind='camera',camera={faults={faded=[{label='trailer_rear',trailer=3}]}}}",
             "sensing.camera.faults.faded.0.trailer",
+        ),
+        (
+            "plant.pushes=[{start_s=1.0,duration_s=0.1,force_n=[1.0,0.0],trailer=3}]",
+            "plant.pushes.0.trailer",
         ),
         ("controller={kind='flatness'}", "controller.kind"),
         ("controller={kind='tvlqr',recovery='mpc'}", "controller.recovery"),

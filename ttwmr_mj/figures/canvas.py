@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -16,6 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Draw = Callable[["Figure"], None]
+# its words on where it keeps its lists of fonts are no words of ours; who logs still hears them
+logging.getLogger("matplotlib").addHandler(logging.NullHandler())
 
 
 @contextmanager

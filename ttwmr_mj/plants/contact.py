@@ -103,10 +103,8 @@ class ContactPlant(Plant):
 
     def _find_bodies(self, trailers: int) -> None:
         """Where the model has the bodies that are pushed, roll or touch the ground."""
-        self._chassis = {"tractor": int(self.model.body("tractor").id)}
-        for i in range(trailers):
-            body = self.model.body(trailer_part("trailer", i))
-            self._chassis[f"trailer_{i + 1}" if i else "trailer"] = int(body.id)
+        names = ("tractor", *(trailer_part("trailer", i) for i in range(trailers)))
+        self._chassis = {name: int(self.model.body(name).id) for name in names}
         self._balls = [int(self.model.body(name).id) for name in casters(trailers)]
         touching = contacts(trailers)
         self._touching = [int(self.model.body(name).id) for name in touching]
@@ -284,15 +282,15 @@ class ContactPlant(Plant):
             model.geom_friction[self._touching_geoms, 0] = values
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """From now on, push the halves' chassis at their centres of mass.
+        """From now on, push bodies at their chassis' centres of mass.
 
         Args:
-            forces_n: "tractor" or "trailer" → (2,) or (nsim, 2) force, world frame; a half that is
-                not named is left alone.
+            forces_n: "tractor", "trailer", "trailer_2/trailer", … → (2,) or (nsim, 2) force, world
+                frame; a body that is not named is left alone.
         """
         self._forces[:] = 0.0
-        for half, force in forces_n.items():
-            self._forces[:, self._chassis[half], :2] = force
+        for body, force in forces_n.items():
+            self._forces[:, self._chassis[body], :2] = force
 
     def keep_physics_rate(self) -> None:
         """From now on, keep the state after every physics step, for `physics_rate_states`."""

@@ -10,5 +10,6 @@ from ttwmr_mj.robot.bodies import Hitch as Hitch
 from ttwmr_mj.robot.bodies import Tractor as Tractor
 from ttwmr_mj.robot.bodies import Trailer as Trailer
 from ttwmr_mj.robot.parameters import RobotParameters as RobotParameters
+from ttwmr_mj.robot.parameters import WhichTrailer as WhichTrailer
 from ttwmr_mj.robot.parameters import merged as merged
 from ttwmr_mj.robot.servo import Servo as Servo

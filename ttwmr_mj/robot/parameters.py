@@ -21,6 +21,9 @@ from ttwmr_mj.robot.outdoor import outdoor_robot
 from ttwmr_mj.robot.servo import Servo
 
 MOST_TRAILERS = 5  # a longer train has no room on its circles, and nothing is measured of it
+WhichTrailer = Annotated[
+    int, Field(ge=1, le=MOST_TRAILERS, description="which trailer is meant, counted from the front")
+]
 
 
 class RobotParameters(Config):

@@ -25,7 +25,7 @@ def batch_key(scenario: Scenario) -> Hashable:
         return id(scenario)
     plant = scenario.plant
     parts = (scenario.robot, scenario.believed_robot, scenario.ground, scenario.believed_ground)
-    pushes = [(push.on,) for push in plant.pushes]
+    pushes = [(push.on, push.trailer) for push in plant.pushes]
     return (
         scenario.duration_s,
         scenario.control,

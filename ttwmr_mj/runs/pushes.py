@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.plants.names import trailer_part
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import PushOptions, Scenario
 from ttwmr_mj.state import FloatArray
@@ -19,6 +20,7 @@ class Push(NamedTuple):
     start_s: FloatArray  # (nsim,)
     duration_s: FloatArray  # (nsim,)
     force_n: FloatArray  # (nsim, 2) x, y in the world
+    trailer: int = 1  # which, from the front
 
     @classmethod
     def of_scenario(cls, scenario: Scenario, nsim: int = 1) -> tuple[Push, ...]:
@@ -30,7 +32,11 @@ class Push(NamedTuple):
     def beside(cls, drawn: Sequence[tuple[Push, ...]]) -> tuple[Push, ...]:
         """Pushes of several batches as those of one; as many, on the same halves."""
         return tuple(
-            cls(same[0].on, *map(np.concatenate, zip(*(push[1:] for push in same), strict=True)))
+            same[0]._replace(
+                start_s=np.concatenate([push.start_s for push in same]),
+                duration_s=np.concatenate([push.duration_s for push in same]),
+                force_n=np.concatenate([push.force_n for push in same]),
+            )
             for same in zip(*drawn, strict=True)
         )
 
@@ -49,7 +55,13 @@ class Push(NamedTuple):
         angle = 2.0 * np.pi * turn * push.random_direction
         (x, y), cos, sin = push.force_n, np.cos(angle), np.sin(angle)
         force = np.stack([cos * x - sin * y, sin * x + cos * y], axis=-1)
-        return cls(push.on, start_s, np.full(start_s.shape, push.duration_s), force)
+        duration_s = np.full(start_s.shape, push.duration_s)
+        return cls(push.on, start_s, duration_s, force, push.trailer)
+
+    @property
+    def body(self) -> str:
+        """What is pushed, as `plants.names` has it."""
+        return self.on if self.on == "tractor" else trailer_part("trailer", self.trailer - 1)
 
     def at(self, time_s: float) -> FloatArray:
         """(nsim, 2) force in the control period that starts now; zero where it does not act."""
@@ -61,13 +73,14 @@ class Push(NamedTuple):
     def told(self) -> dict[str, Any]:
         """For the manifest: the first simulation's values, as keys of a scenario."""
         start_s, force_n = float(self.start_s[0]), self.force_n[0].tolist()
-        start = {"on": self.on, "start_s": start_s, "duration_s": float(self.duration_s[0])}
-        return {**start, "force_n": force_n}
+        on = {"on": self.on, "trailer": self.trailer} if self.on == "trailer" else {"on": self.on}
+        duration_s = float(self.duration_s[0])
+        return {**on, "start_s": start_s, "duration_s": duration_s, "force_n": force_n}
 
 
 def forces(pushes: tuple[Push, ...], time_s: float) -> dict[str, FloatArray]:
-    """Half → (nsim, 2) sum of the pushes on it in the control period that starts now."""
+    """Body → (nsim, 2) sum of the pushes on it in the control period that starts now."""
     total: dict[str, FloatArray] = {}
     for push in pushes:
-        total[push.on] = total.get(push.on, 0.0) + push.at(time_s)
+        total[push.body] = total.get(push.body, 0.0) + push.at(time_s)
     return total

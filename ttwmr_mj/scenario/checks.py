@@ -4,7 +4,7 @@ Each check names the parts of the scenario that it looks at. In a faulty file, t
 parts have no fault of their own are still made, so that all faults are reported at once.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import NamedTuple
 
@@ -14,7 +14,9 @@ from ttwmr_mj.composite import tractor_chassis, trailer_chassis
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.scenario.limits import ESCAPE, MOST_PERIODS
+from ttwmr_mj.scenario.plant import PushOptions
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.vision.camera.options import FadedLabel, Occluder
 
 STEP = "plant.contact.timestep_s"
 MOST_AHEAD = 16  # periods, so that half of what observers remember is left to measurements
@@ -73,7 +75,7 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
     if given not in (0, count - 1):
         allowed = f"as many as there are trailers behind the first, {count - 1}"
         yield Fault(key=("initial", more), got=str(given), allowed=allowed)
-    yield from _whose_label(scenario)
+    yield from _which_trailer(scenario)
     if count == 1:
         return
     for index, hitch in enumerate(scenario.robot.hitches[1:], start=1):
@@ -103,16 +105,18 @@ def train_faults(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=key, got=got, problem=problem)
 
 
-def _whose_label(scenario: Scenario) -> Iterable[Fault]:
-    """Trailers that a camera's faults name."""
-    if scenario.sensing.kind != "camera":
-        return
-    faults, count = scenario.sensing.camera.faults, len(scenario.robot.trailers)
-    named = {"occluders": faults.occluders, "faded": faults.faded}
-    for table, given in named.items():
-        for index, fault in enumerate(given):
-            if (trailer := fault.model_dump()["trailer"]) > count:
-                key = ("sensing", "camera", "faults", table, str(index), "trailer")
+def _which_trailer(scenario: Scenario) -> Iterable[Fault]:
+    """Trailers that pushes and a camera's faults name."""
+    count = len(scenario.robot.trailers)
+    named: dict[Keys, Sequence[PushOptions | Occluder | FadedLabel]]
+    named = {("plant", "pushes"): scenario.plant.pushes}
+    if scenario.sensing.kind == "camera":
+        table, faults = ("sensing", "camera", "faults"), scenario.sensing.camera.faults
+        named |= {(*table, "occluders"): faults.occluders, (*table, "faded"): faults.faded}
+    for place, given in named.items():
+        for index, one in enumerate(given):
+            if (trailer := one.trailer) > count:
+                key = (*place, str(index), "trailer")
                 allowed = f"at most {count}, the number of trailers"
                 yield Fault(key=key, got=str(trailer), allowed=allowed)
 

@@ -7,7 +7,7 @@ from pydantic import Field
 from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import Point
-from ttwmr_mj.robot import Config
+from ttwmr_mj.robot import Config, WhichTrailer
 
 MAX_DURATION_S = 3600.0
 
@@ -32,7 +32,7 @@ class AnalyticOptions(Config):
 
 
 class PushOptions(Config):
-    """A temporary force on the tractor or the trailer (contact plant only).
+    """A temporary force on the tractor or a trailer (contact plant only).
 
     It acts at that chassis' centre of mass, in every control period that starts within its time.
     """
@@ -40,6 +40,7 @@ class PushOptions(Config):
     on: Literal["tractor", "trailer"] = Field(
         default="trailer", description="the body that is pushed"
     )
+    trailer: WhichTrailer = 1
     start_s: float = Field(
         ge=0,
         le=MAX_DURATION_S,

@@ -84,17 +84,18 @@ def _egl_starts() -> bool:
     query(MOST_DEVICES, ctypes.addressof(devices), ctypes.addressof(count))
     egl.eglInitialize.argtypes = [pointer] * 3
     displays = (display_of(EGL_PLATFORM_DEVICE, device, None) for device in devices[: count.value])
-    _draw_in_the_calling_thread()
+    _tell_mesa()
     return any(display and egl.eglInitialize(display, None, None) for display in displays)
 
 
-def _draw_in_the_calling_thread() -> None:
-    """Tell Mesa's software renderer, before it starts, unless somebody did.
+def _tell_mesa() -> None:
+    """Tell Mesa, before it starts, unless somebody did; drivers of graphics cards do not look.
 
-    Handing a small picture to threads of its own takes longer than drawing it. Drivers of graphics
-    cards do not look at it.
+    Handing a small picture to threads of its own takes longer than drawing it. And shaders are kept
+    in a file that is mapped into memory, by which a full disk would end the process with SIGBUS.
     """
     os.environ.setdefault("LP_NUM_THREADS", "0")
+    os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
 
 
 @cache
@@ -134,7 +135,7 @@ def make_context() -> Any:
         MachineError: no backend works, or the chosen one fails.
     """
     backend = chosen_backend()
-    _draw_in_the_calling_thread()
+    _tell_mesa()
     try:
         with warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, TypeVar
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.robot import Config
+from ttwmr_mj.robot import Config, WhichTrailer
 
 T = TypeVar("T")
 # TOML has arrays where Python has tuples; their elements stay strict
@@ -23,9 +23,6 @@ Side = Annotated[int, Field(ge=64, le=4096)]
 Move = Annotated[float, Field(ge=-1, le=1)]
 Tilt = Annotated[float, Field(ge=-0.5, le=0.5)]
 Angle = Annotated[float, Field(ge=-np.pi, le=np.pi)]
-WhichTrailer = Annotated[
-    int, Field(ge=1, le=5, description="which trailer is meant, counted from the front")
-]
 MOVES = ("x_m", "y_m", "roll_rad", "pitch_rad", "yaw_rad")  # how a camera is moved
 LabelName = Literal["tractor_front", "tractor_rear", "trailer_front", "trailer_rear"]
 
