@@ -2,19 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.schema import OnReference, Scenario
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
-CAUGHT_M = 0.01  # the trailer's centre of oscillation ends this close to its reference
+CAUGHT_M = 0.01  # the last trailer's centre of oscillation ends this close to its reference
 CAUGHT_SHARE = 0.2  # and stays so over this last share of the run
+
+
+class Direction(NamedTuple):
+    """What one metre or radian of an offset changes of a start on the reference."""
+
+    left: float = 0.0  # P, along the reference's left normal
+    turned: tuple[float, ...] = ()  # trailers' angles, front to back; none of those beyond
+
+
+TO_THE_LEFT = Direction(left=1.0)
+THETA2 = Direction(turned=(1.0,))
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,16 +35,16 @@ class Basin:
     """Which starts are caught.
 
     Attributes:
-        position_offset_m: (n,) offsets of P along the reference's left normal.
-        theta2_offset_rad: (m,) offsets of θ2.
-        caught_after_s: (n, m) time from which the trailer's centre of oscillation stays within
-            CAUGHT_M of its reference; NaN where the run does not end so.
+        across: (n,) offsets [m] or [rad] in one direction.
+        up: (m,) offsets [m] or [rad] in another.
+        caught_after_s: (n, m) time from which the last trailer's centre of oscillation stays
+            within CAUGHT_M of its reference; NaN where the run does not end so.
         simulated: (n, m) starts that were simulated; the others lie between starts that all were
             caught, or all were not, and have their mean.
     """
 
-    position_offset_m: FloatArray
-    theta2_offset_rad: FloatArray
+    across: FloatArray
+    up: FloatArray
     caught_after_s: FloatArray
     simulated: BoolArray
 
@@ -48,9 +61,10 @@ class Basin:
 
 def map_basin(
     scenario: Scenario,
-    position_offset_m: FloatArray,
-    theta2_offset_rad: FloatArray,
+    across: FloatArray,
+    up: FloatArray,
     coarsest: int = 1,
+    directions: tuple[Direction, Direction] = (TO_THE_LEFT, THETA2),
 ) -> Basin:
     """Run the scenario from the offsets of a grid, finer where the basin's edge is.
 
@@ -60,14 +74,15 @@ def map_basin(
 
     Args:
         scenario: starts on its reference; its own offsets are left out.
-        position_offset_m: (n,) offsets of P along the reference's left normal.
-        theta2_offset_rad: (m,) offsets of θ2.
+        across: (n,) offsets in the first direction.
+        up: (m,) offsets in the second.
         coarsest: a power of two; n − 1 and m − 1 are multiples of it. 1 simulates every start.
+        directions: what the offsets change.
 
     Raises:
         InputError: the grid does not fit the stride.
     """
-    shape = (len(position_offset_m), len(theta2_offset_rad))
+    shape = (len(across), len(up))
     if coarsest < 1 or coarsest & (coarsest - 1) or any((size - 1) % coarsest for size in shape):
         raise InputError.at(
             "coarsest",
@@ -87,11 +102,11 @@ def map_basin(
             new = new[~same]
         if len(new):
             i, j = new.T
-            after[i, j] = _caught_after(scenario, position_offset_m[i], theta2_offset_rad[j])
+            after[i, j] = _caught_after(scenario, [across[i], up[j]], directions)
             simulated[i, j] = True
         known |= _every(stride, shape)
         stride //= 2
-    return Basin(position_offset_m, theta2_offset_rad, after, simulated)
+    return Basin(across, up, after, simulated)
 
 
 def _every(stride: int, shape: tuple[int, int]) -> BoolArray:
@@ -109,21 +124,22 @@ def _corners(places: np.ndarray, stride: int) -> np.ndarray:
 
 
 def _caught_after(
-    scenario: Scenario, position_offset_m: FloatArray, theta2_offset_rad: FloatArray
+    scenario: Scenario, offsets: Sequence[FloatArray], directions: Sequence[Direction]
 ) -> FloatArray:
     """(count,) time from which runs with these offsets (count,) stay caught, all in one batch."""
-    count = len(position_offset_m)
+    count = len(offsets[0])
     on_reference = scenario.model_copy(update={"initial": OnReference(kind="on_reference")})
     experiment = Experiment(on_reference, nsim=count)
     start = build.initial_state(on_reference, experiment.reference, count)
     q, heading = start.q.copy(), start.q[:, 2]
-    q[:, 0] -= position_offset_m * np.sin(heading)
-    q[:, 1] += position_offset_m * np.cos(heading)
-    q[:, 3] += theta2_offset_rad
+    for offset, (left, turned) in zip(offsets, directions, strict=True):
+        q[:, 0] -= left * offset * np.sin(heading)
+        q[:, 1] += left * offset * np.cos(heading)
+        q[:, 3 : 3 + len(turned)] += offset[:, None] * turned
     result = experiment.run(initial=RobotState(q=q, q_rate=start.q_rate))
-    trajectory, behind_m = result.trajectory, scenario.robot.swing_length_m
-    miss = point_behind(trajectory.q, behind_m) - point_behind(trajectory.ref_q, behind_m)
-    outside = ~(np.hypot(miss[..., 0], miss[..., 1]) < CAUGHT_M)  # NaN is outside, too
+    trajectory = result.trajectory
+    miss_m = Curves.of(trajectory, scenario.robot).oscillation_error_m
+    outside = ~(miss_m < CAUGHT_M)  # NaN is outside, too
     last = len(trajectory) - 1 - np.argmax(outside[::-1], axis=0)  # sample outside, if any is
     first_inside = np.where(outside.any(axis=0), last + 1, 0)
     ended_well = np.array([outcome.status == "ok" for outcome in result.outcomes])

@@ -16,7 +16,8 @@ def test_only_the_edge_is_simulated(coarsest: int, monkeypatch: pytest.MonkeyPat
     """A round basin of known size; inside, the time grows evenly along the first axis."""
     asked = []
 
-    def caught_after(_: object, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    def caught_after(_: object, offsets: list[np.ndarray], __: object) -> np.ndarray:
+        x, y = offsets
         asked.append(len(x))
         return np.where(np.hypot(x, y) < 0.7, 1.0 + x, np.nan)
 
