@@ -58,6 +58,61 @@ def test_limits_of_the_shell_that_leave_no_room_are_refused(
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody else")
+def test_too_few_processes_are_refused(tmp_path: Path) -> None:
+    """Root is not held to that limit, so the check is tried as somebody else is."""
+    code = (
+        "import os, resource; from ttwmr_mj.cli import last_resort; "
+        "resource.setrlimit(resource.RLIMIT_NPROC, (most := {most}, most)); os.setuid(65534); "
+        "last_resort.refuse_narrow_limits()"
+    )
+    for most, words in ((3, ["no more than 3 processes and threads"]), (1000, [])):
+        done = subprocess.run(
+            [sys.executable, "-c", code.format(most=most)],
+            cwd=tmp_path,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert [word for word in words if word not in done.stderr] == [], done.stderr
+        assert bool(done.returncode) == bool(words)
+
+
+@pytest.mark.parametrize(
+    "words", ["bench quick --quiet", pytest.param("video run -o film.mp4", marks=pytest.mark.slow)]
+)
+def test_nowhere_to_put_what_is_not_to_last_is_told(words: str, tmp_path: Path) -> None:
+    if "run" in words:
+        short = ["--set=duration_s=0.1", "--set=output.figures=false"]
+        ttwmr(tmp_path, "run", "lab_circle", *short, "--out", "run")
+    done = subprocess.run(
+        [*TTWMR, *words.split()],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0)),
+    )
+    assert (done.returncode, done.stderr.count("\n")) == (2, 1), done.stderr
+    assert "let TMPDIR name a folder" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_end_of_the_time_that_was_allowed_is_as_ctrl_c(tmp_path: Path) -> None:
+    done = subprocess.run(
+        [*TTWMR, "run", "lab_circle", "--out", "out", "--set", "duration_s=3000", "--quiet"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_CPU, (6, 60)),
+    )
+    assert done.returncode == 1, done.stderr
+    assert done.stderr.count("\n") == 1, done.stderr
+    assert not list(tmp_path.rglob("*.part"))
+    assert (tmp_path / "out" / "metrics.json").is_file()
+
+
 @pytest.mark.slow
 def test_a_run_of_truth_obeys_no_variable(tmp_path: Path) -> None:
     strange = {"MUJOCO_GL": "garbage", "MPLBACKEND": "garbage", "RERUN": "off"}

@@ -6,6 +6,7 @@ import errno
 import json
 import os
 import shutil
+import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
@@ -15,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, MachineError
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -78,6 +79,21 @@ def read_json(path: Path) -> dict[str, Any]:
     if not isinstance(value, dict):
         raise ValueError(f"{path.name} holds no object")
     return value
+
+
+def scratch_folder() -> Path:
+    """Where files that are gone afterwards go, such as TMPDIR or /tmp.
+
+    Raises:
+        MachineError: nowhere can be written to.
+    """
+    try:
+        return Path(tempfile.gettempdir())
+    except FileNotFoundError as error:
+        raise MachineError(
+            "temporary files can be written nowhere, neither in /tmp nor in the working directory; "
+            "let TMPDIR name a folder that takes them"
+        ) from error
 
 
 def no_device(path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+import threading
 from collections.abc import Sequence
 
 from ttwmr_mj.errors import (
@@ -21,6 +22,8 @@ from ttwmr_mj.errors import (
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
 LEAST_ADDRESS_SPACE = 6e9  # bytes; by camera 4.6e9 are taken on two cores, most of it never used
 LEAST_FILES = 64
+# threads that libraries start on a processor, and on all together; a limit of MANY is not tried
+THREADS_EACH, THREADS, MANY = 4, 16, 2000
 
 
 def _tell_nobody(code: int) -> None:
@@ -71,6 +74,31 @@ def refuse_narrow_limits() -> None:
             f"no more than {files} files can be open at once (ulimit -n), but {LEAST_FILES} are "
             f"needed; `ulimit -n {LEAST_FILES}` raises the limit"
         )
+    processes = resource.getrlimit(resource.RLIMIT_NPROC)[0]
+    needed = THREADS + THREADS_EACH * (os.cpu_count() or 1)
+    if 0 <= processes < MANY and not _can_start(needed):  # unlimited is negative
+        raise MachineError(
+            f"no more than {processes} processes and threads of this user can run at once "
+            f"(ulimit -u), and there is no room for {needed} more, which are needed; "
+            f"`ulimit -u {MANY}` raises the limit"
+        )
+
+
+def _can_start(count: int) -> bool:
+    """Whether so many threads can run at once."""
+    end, threads = threading.Event(), []
+    try:
+        for _ in range(count):
+            thread = threading.Thread(target=end.wait, daemon=True)
+            thread.start()
+            threads.append(thread)
+    except RuntimeError:
+        return False
+    finally:
+        end.set()
+        for thread in threads:
+            thread.join()
+    return True
 
 
 def readable(words: Sequence[str]) -> list[str]:

@@ -20,6 +20,7 @@ from functools import partial
 from pathlib import Path
 from typing import IO, Self
 
+from ttwmr_mj.files import scratch_folder
 from ttwmr_mj.recording.viewer import Viewer
 
 POLL_S = 0.05  # between two looks at the file's end
@@ -41,7 +42,8 @@ class LiveView:
         self.viewer = viewer
         self._ended = threading.Event()
         self._copying: threading.Thread | None = None
-        self._words: IO[bytes] = tempfile.TemporaryFile()  # noqa: SIM115  (what the viewer says)
+        # what the viewer says
+        self._words: IO[bytes] = tempfile.TemporaryFile(dir=scratch_folder())  # noqa: SIM115
         self._process = subprocess.Popen(
             [*viewer.command, "-"],
             stdin=subprocess.PIPE,

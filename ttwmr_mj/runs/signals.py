@@ -10,8 +10,9 @@ from time import monotonic
 from types import FrameType
 from typing import Any
 
-# Ctrl-C, a polite end, a terminal that is closed
-WAITING = (signal.SIGINT, signal.SIGTERM, *([signal.SIGHUP] if hasattr(signal, "SIGHUP") else []))
+# Ctrl-C, a polite end, a terminal that is closed, and all the processor time that was allowed
+NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")
+WAITING = tuple(signal.Signals[name] for name in NAMES if hasattr(signal, name))
 Handler = Callable[[int, FrameType | None], Any]
 AGAIN_S = 0.02
 LONGEST_IMPORT_S = 2.0  # that is waited for; a law's module may never end
@@ -25,6 +26,7 @@ def interrupt(signum: int, frame: FrameType | None) -> None:
     Libraries tell an import that is broken off as an error of theirs, or swallow it.
     """
     global _put_off_s
+    _lift_limit_of(signum)
     now_s = monotonic()
     if _in_import(frame) and now_s - (_put_off_s or now_s) < LONGEST_IMPORT_S:
         _put_off_s = _put_off_s or now_s
@@ -34,6 +36,16 @@ def interrupt(signum: int, frame: FrameType | None) -> None:
         return
     _put_off_s = None
     raise KeyboardInterrupt
+
+
+def _lift_limit_of(signum: int) -> None:
+    """No second SIGXCPU: every second of processor time would bring one."""
+    if signum != getattr(signal, "SIGXCPU", None):
+        return
+    import resource
+
+    hard_s = resource.getrlimit(resource.RLIMIT_CPU)[1]
+    resource.setrlimit(resource.RLIMIT_CPU, (hard_s, hard_s))
 
 
 def handled_by(handler: Handler) -> dict[int, Any]:
@@ -97,6 +109,7 @@ def held_back() -> Iterator[None]:
 
     def note(signum: int, frame: FrameType | None) -> None:
         del frame
+        _lift_limit_of(signum)
         if came:
             raise KeyboardInterrupt
         came.append(signum)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError, MachineError, RunError
+from ttwmr_mj.files import scratch_folder
 from ttwmr_mj.vision.camera.frame import Image
 
 FORMATS: dict[str, dict[str, Any]] = {
@@ -88,7 +89,7 @@ def _encode(
     coded = ["-an", "-vcodec", settings["codec"], "-pix_fmt", "yuv420p"]
     command = [*_ffmpeg(), *raw, "-i", "-", *coded, *settings.get("output_params", ()), str(path)]
     with (
-        TemporaryFile() as words,
+        TemporaryFile(dir=scratch_folder()) as words,
         subprocess.Popen(
             command,
             stdin=subprocess.PIPE,

@@ -28,13 +28,14 @@ from time import monotonic, sleep
 from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
-from ttwmr_mj.files import delete_drafts, variable
+from ttwmr_mj.files import delete_drafts, scratch_folder, variable
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
 NO_ROOM = 75  # exit code where the disk takes no answer; EX_TEMPFAIL of sysexits.h
-SERVER_GONE = "the server that starts the processes ended; the same command tries again"
+NO_ROOM_FOR = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
+SERVER_GONE = "the server that starts the processes ended"
 LOOK_EVERY_S = 1.0  # for the caller, by a process whose law closed what tells of its end
 TRIES, TRY_AGAIN_S = 50, 0.1  # to start a process
 _leave, _rename = os._exit, os.replace  # which a law may put others in place of
@@ -89,10 +90,11 @@ def run_jobs(
     Yields:
         One event per job, in the order in which they end.
     """
+    scratch = scratch_folder()
     context = _context(preload)
     at_a_time = workers or os.cpu_count() or 1
     waiting, running = iter(jobs), list[_Process]()
-    with tempfile.TemporaryDirectory(prefix="ttwmr-jobs-") as folder:
+    with tempfile.TemporaryDirectory(prefix="ttwmr-jobs-", dir=scratch) as folder:
         logs = (Path(folder) / str(i) for i in count())
         try:
             while True:
@@ -181,7 +183,7 @@ class _Process:
         elif answer is None and server_gone:
             answer = Failed(self._job, SERVER_GONE, of_machine=True)
         elif answer is None and code == NO_ROOM:
-            problem = "the folder for temporary files (TMPDIR) is full"
+            problem = "the folder for temporary files (TMPDIR) is full, or ulimit -f too small"
             answer = Failed(self._job, problem, of_machine=True)
         elif answer is None:
             how = _exit_name(code)
@@ -318,7 +320,7 @@ def _work(job: Job, answer: Path, log: Path) -> None:
             file.write(content)
         _rename(draft, answer)
     except OSError as error:
-        _leave(NO_ROOM if error.errno in (errno.ENOSPC, errno.EDQUOT) else 1)
+        _leave(NO_ROOM if error.errno in NO_ROOM_FOR else 1)
     _leave(0)  # threads of a law may not end
 
 
