@@ -48,13 +48,12 @@ class Case(NamedTuple):
     slices: tuple[Slice, ...]
 
 
-def _train(count: int, reach_m: float, turned_deg: float, bent_deg: float) -> tuple[Slice, ...]:
-    last = (*[0.0] * (count - 1), 1.0)
-    turned, bent = np.radians([turned_deg, bent_deg])
+def _train(count: int) -> tuple[Slice, ...]:
+    last, bent = (*[0.0] * (count - 1), 1.0), np.radians(16)
     return (
         Slice(
             (TO_THE_LEFT, Direction(turned=(1.0,) * count)),
-            (reach_m, turned),
+            (0.2, bent),
             ("P off to the left [mm]", "train turned [°]"),
         ),
         Slice(
@@ -79,12 +78,12 @@ CASES = {
     "double_inverted": Case(
         "Two trailers inside the circle: from where they are caught",
         {"tvlqr": "", "mpc": ""},
-        _train(2, 0.2, 16.0, 16.0),
+        _train(2),
     ),
     "triple_inverted": Case(
         "Three trailers inside the circle: from where they are caught",
         {"tvlqr": "", "mpc": ""},
-        _train(3, 0.08, 6.0, 6.0),
+        _train(3),
     ),
 }
 
