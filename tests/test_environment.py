@@ -116,6 +116,7 @@ def test_the_end_of_the_time_that_was_allowed_is_as_ctrl_c(tmp_path: Path) -> No
 @pytest.mark.slow
 def test_a_run_of_truth_obeys_no_variable(tmp_path: Path) -> None:
     strange = {"MUJOCO_GL": "garbage", "MPLBACKEND": "garbage", "RERUN": "off"}
+    strange |= {"SOURCE_DATE_EPOCH": "garbage", "RERUN_FLUSH_NUM_BYTES": "garbage"}
     done = ttwmr(tmp_path, "run", "lab_circle", *SHORT, **strange)
     assert (done.returncode, done.stderr.replace("\r", "")[:7]) == (0, "")
     assert {"run.rrd", "summary.png"} <= {path.name for path in (tmp_path / "out").iterdir()}
@@ -127,6 +128,12 @@ def test_a_run_of_truth_obeys_no_variable(tmp_path: Path) -> None:
 def test_nor_any_other_value_of_it(strange: str, tmp_path: Path) -> None:
     more = {"MUJOCO_GL": strange, "MPLBACKEND": NOTEBOOK, "RERUN": "false", "DISPLAY": ""}
     assert ttwmr(tmp_path, "run", "lab_circle", *SHORT, **more).returncode == 0
+
+
+def test_no_variable_chooses_for_the_camera(tmp_path: Path) -> None:
+    strange = {"PYOPENGL_PLATFORM": "garbage", "SOURCE_DATE_EPOCH": "9" * 30}
+    done = ttwmr(tmp_path, "run", "lab_circle_camera", "--quiet", *SHORT, **strange)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.slow

@@ -52,6 +52,16 @@ def open_streams() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
+def forget_variables() -> None:
+    """Forget variables that libraries obey, or fail on, as they are imported; we never want them.
+
+    SciPy reads the time of a build, PyOpenGL a backend, Rerun how it gathers what is recorded.
+    """
+    strangers = [name for name in os.environ if name.startswith("RERUN_")]
+    for name in ("SOURCE_DATE_EPOCH", "PYOPENGL_PLATFORM", *strangers):
+        os.environ.pop(name, None)
+
+
 def refuse_narrow_limits() -> None:
     """Refuse what a shell's limits leave no room for: libraries end the process there, or hang.
 

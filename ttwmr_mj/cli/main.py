@@ -35,6 +35,8 @@ def main(words: Sequence[str] | None = None) -> int:
             words = last_resort.readable(sys.argv[1:] if words is None else words)
             subcommand = parse(words)
             last_resort.refuse_narrow_limits()
+            if supervisor.own_process:
+                last_resort.forget_variables()
             debug = supervisor.debug = subcommand.debug
             if supervisor.own_process and not debug and not sys.warnoptions:
                 warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell

@@ -66,7 +66,12 @@ def write_video(path: Path, frames: Iterable[Image], size_px: tuple[int, int], f
         RunError: the encoder fails, as on a full disk.
     """
     suffix = check_format(path)
-    with TemporaryDirectory(prefix=".video-", dir=path.parent) as folder:
+    try:
+        beside = TemporaryDirectory(prefix=".video-", dir=path.parent)
+    except OSError as error:
+        error.filename = str(path)  # the name that its user knows
+        raise
+    with beside as folder:
         made = Path(folder) / f"film{suffix}"
         if suffix == ".gif":
             source = Path(folder) / "film.mkv"
