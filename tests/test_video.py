@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import shutil
 import sys
 from pathlib import Path
@@ -194,10 +195,16 @@ def test_a_folder_that_is_no_run_is_refused(tmp_path: Path) -> None:
         Footage.of(tmp_path, 30.0, 1.0, 0.0, None)
 
 
-def test_the_film_is_named_that_cannot_be_made(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError) as error:
-        encode.write_video(tmp_path / "no" / "film.mp4", [], (64, 48), 30.0)
-    assert error.value.filename == str(tmp_path / "no" / "film.mp4")
+def test_the_film_is_named_that_cannot_be_made(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(**_: object) -> None:  # root may write anywhere
+        raise PermissionError(errno.EACCES, "Permission denied", str(tmp_path / ".video-1"))
+
+    monkeypatch.setattr(encode, "TemporaryDirectory", refused)
+    with pytest.raises(PermissionError) as error:
+        encode.write_video(tmp_path / "film.mp4", [], (64, 48), 30.0)
+    assert error.value.filename == str(tmp_path / "film.mp4")
 
 
 def test_a_machine_without_encoder_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
