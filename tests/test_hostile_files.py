@@ -239,3 +239,30 @@ def test_the_grid_of_a_large_floor_is_bounded() -> None:
         _, grid = floor_shapes(np.array([[-0.05, -0.05], [extent_m - 0.05, extent_m - 0.05]]))
         assert grid.strips is not None
         assert abs(len(grid.strips.as_arrow_array()) - 2 * lines) <= 2
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "left"),
+    [
+        ("plant = {pushes = [" + "{}," * 200 + "]}", "plant.pushes.0.start_s: missing", 500),
+        ("plant = {pushes = [" + "{}," * 20_000 + "]}", "plant.pushes.0.start_s: missing", 900),
+        ("\n".join(f"k{i} = 1" for i in range(20_000)), "k0: unknown key", 900),
+    ],
+)
+def test_of_many_faults_the_first_are_told(
+    text: str, first: str, left: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A hundred of them; no more than a thousand are looked for, in a second or two."""
+    whole = (shipped_scenarios()["lab_circle"]).read_text(encoding="utf-8")
+    (tmp_path / "a.toml").write_text(text + "\n" + whole, encoding="utf-8")
+    assert main(["validate", str(tmp_path / "a.toml")]) == 2
+    lines = capsys.readouterr().err.splitlines()
+    assert first in lines[1]
+    assert lines[101:] == [f"  and {left} more"]
+
+
+def test_words_of_any_length_are_not_repeated(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["validate", "lab_circle", "--set", f"{'a' * 9000}=1"]) == 2
+    with pytest.raises(SystemExit):
+        main(["run", "lab_circle", "--" + "a" * 9000])
+    assert max(map(len, capsys.readouterr().err.splitlines())) < 1100

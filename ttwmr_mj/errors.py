@@ -12,6 +12,8 @@ from typing import Any
 Keys = tuple[str | int, ...]
 MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
 LONGEST_REASON = 1000  # letters of what an exception says of itself
+LONGEST_WORD = 100  # letters of a name from a stranger
+MOST_TOLD = 100  # faults of one input
 # what the user named cannot be used; any other error of the system is no fault of the input
 OF_NAMES = frozenset(
     {
@@ -49,7 +51,7 @@ class Fault:
     @property
     def where(self) -> str:
         """The key as it is written: robot.tractor.mass_kg."""
-        return ".".join(map(str, self.key))
+        return ".".join(cut(str(word)) for word in self.key)
 
     @property
     def message(self) -> str:
@@ -66,6 +68,11 @@ class Fault:
         return replace(self, key=(*outer, *self.key))
 
 
+def cut(text: str, longest: int = LONGEST_WORD) -> str:
+    """What may be of any length, in so many letters."""
+    return text if len(text) <= longest else f"{text[: longest - 3]}..."
+
+
 def shown(value: Any) -> str:
     """A value for `Fault.got`: short, and quoted where it is text."""
     text = "a table" if isinstance(value, dict) else repr(value)
@@ -80,17 +87,15 @@ def described(error: BaseException) -> str:
         raise
     except BaseException as other:  # a user's exception may do anything here too
         return f"{type(error).__name__} (whose text raised {type(other).__name__})"
-    text = text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 3]}..."
-    return printable(text)
+    return printable(cut(text, LONGEST_REASON))
 
 
 def of_system(error: OSError) -> str:
     """What the system refused, and of which file."""
     name = "" if error.filename is None else in_one_line(str(error.filename))
-    short = name if len(name) <= 100 else f"{name[:97]}..."
     # in the system's own words: libraries wrap them in theirs
     why = os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
-    return f"{short}: {why}" if name else why
+    return f"{cut(name)}: {why}" if name else why
 
 
 def is_of_input(error: BaseException) -> bool:
@@ -152,13 +157,16 @@ class InputError(TtwmrError):
         return cls(Fault(key=path, problem=problem, got=got, allowed=allowed, hint=hint))
 
     def _text(self) -> str:
+        more = len(self.faults) - MOST_TOLD
+        told = [str(fault) for fault in self.faults[:MOST_TOLD]]
+        told += [f"and {more} more"] if more > 0 else []
         if self.file is None:
-            return "\n".join(map(str, self.faults))
+            return "\n".join(told)
         file = in_one_line(self.file)
         if len(self.faults) == 1 and not self.faults[0].key:  # about the whole file
             return f"{file}: {self.faults[0]}"
         count = "1 error" if len(self.faults) == 1 else f"{len(self.faults)} errors"
-        return "\n".join([f"{file}: {count}", *(f"  {fault}" for fault in self.faults)])
+        return "\n".join([f"{file}: {count}", *(f"  {line}" for line in told)])
 
     def __reduce__(self) -> Any:
         """Errors cross processes, and the default would lose `file`."""

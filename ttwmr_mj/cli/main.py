@@ -7,9 +7,10 @@ import threading
 import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from typing import Any, NoReturn
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
+from ttwmr_mj.errors import LONGEST_REASON, cut
 from ttwmr_mj.runs.signals import WAITING, give_back, handled_by, interrupt
 
 TRY = """three to try:
@@ -56,7 +57,7 @@ def parse(words: Sequence[str] | None = None) -> engine.Subcommand:
     Without words it prints the help and leaves with 0.
     """
     words = sys.argv[1:] if words is None else words
-    parser = argparse.ArgumentParser(
+    parser = _Parser(
         prog="ttwmr",
         description="A tractor towing a trailer on spherical wheels: models and contact physics.",
         epilog=EXAMPLES,
@@ -103,6 +104,13 @@ def _ended_like_ctrl_c() -> Iterator[None]:
                 signal.signal(signum, signal.SIG_IGN)
         else:
             give_back(before)
+
+
+class _Parser(argparse.ArgumentParser):
+    """Unlike argparse's own, it does not repeat words of any length."""
+
+    def error(self, message: str) -> NoReturn:
+        super().error(cut(message, LONGEST_REASON))
 
 
 class _Version(argparse.Action):

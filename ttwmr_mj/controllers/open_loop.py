@@ -74,6 +74,6 @@ class OpenLoopOptions(ControllerOptions):
     tows_trains: ClassVar[bool] = True
     kind: Literal["open_loop"] = "open_loop"
     needs_reference: ClassVar[bool] = False
-    segments: Annotated[tuple[WheelSegment, ...], Field(strict=False, min_length=1)] = Field(
-        description="the segments, driven one after the other"
-    )
+    segments: Annotated[
+        tuple[WheelSegment, ...], Field(strict=False, min_length=1, max_length=10_000)
+    ] = Field(description="the segments, driven one after the other")

@@ -8,6 +8,7 @@ from ttwmr_mj.errors import InputError
 
 REPORT_EVERY_S = 0.8  # wall time between two reports: a kill costs less than a second
 LIVE_REPORT_EVERY_S = 0.1  # where someone looks on
+SLOWEST = 1e-3  # a second of simulation takes 17 minutes
 BEHIND_S = 0.1  # a run this late is behind: less is not seen
 
 
@@ -23,7 +24,7 @@ class Pace:
         lag_s: by how much every sample so far came too late; empty with speed 0.
 
     Raises:
-        InputError: the speed is negative or not finite.
+        InputError: the speed is none.
     """
 
     speed: float = 0.0
@@ -32,10 +33,9 @@ class Pace:
     _started_s: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= self.speed < float("inf"):
-            raise InputError.at(
-                "--pace", got=f"{self.speed:g}", allowed="0 (as fast as it can) or more, such as 1"
-            )
+        if self.speed and not SLOWEST <= self.speed < float("inf"):
+            allowed = f"0 (as fast as it can), or {SLOWEST:g} or more, such as 1"
+            raise InputError.at("--pace", got=f"{self.speed:g}", allowed=allowed)
 
     def hold(self, time_s: float) -> bool:
         """Wait until the sample at this simulated time is due; whether the run goes on."""

@@ -7,12 +7,13 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 
 from ttwmr_mj.config import PATTERNS
-from ttwmr_mj.errors import Fault, Keys, shown
+from ttwmr_mj.errors import MOST_TOLD, Fault, Keys, shown
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.scenario.meaning import best_by_meaning
 from ttwmr_mj.scenario.schema import Scenario
 
 Node = dict[str, Any]  # of a JSON Schema
+MOST_FAULTS = 1000  # of a file with more, no more is looked for
 
 KINDS = {  # pydantic's name of a fault → what is meant, as a file has it
     "model_type": "a table",
@@ -32,15 +33,18 @@ MOVED: dict[Keys, str] = {
 
 
 def faults_of(error: ValidationError, root: type[BaseModel] = Scenario) -> list[Fault]:
-    """What pydantic found in a file of the model `root`, in this project's words."""
-    errors = error.errors()
+    """What pydantic found in a file of the model `root`, in this project's words.
+
+    No more than MOST_FAULTS; of those beyond MOST_TOLD only where they are.
+    """
+    errors = error.errors(include_url=False)[:MOST_FAULTS]
     # a list whose items have faults counts as too short, as if they were not there
     around = {item["loc"][:n] for item in errors for n in range(len(item["loc"]))}
-    return [
-        fault_of(item, root)
-        for item in errors
-        if not (item["type"] == "too_short" and item["loc"] in around)
-    ]
+    meant = [e for e in errors if not (e["type"] == "too_short" and e["loc"] in around)]
+    others = (
+        Fault(key=_place(item["loc"], root)[0], problem="wrong") for item in meant[MOST_TOLD:]
+    )
+    return [*(fault_of(item, root) for item in meant[:MOST_TOLD]), *others]
 
 
 def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:

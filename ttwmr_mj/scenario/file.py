@@ -14,7 +14,7 @@ from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.files import is_file, is_stream, parse_toml, read_toml
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
-from ttwmr_mj.scenario.faults import faults_of, suggestion
+from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -106,6 +106,8 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
         gone: list[Keys] = []
     except ValidationError as error:
         faults = faults_of(error)
+        if error.error_count() > MOST_FAULTS:
+            raise InputError(*faults, file=source) from error
         scenario, gone = _sound_part(data, faults, context)
     faults += check(scenario, gone)
     if faults:

@@ -71,7 +71,9 @@ class PlantOptions(Config):
         default="contact", description="MuJoCo's contact physics, or the article's equations"
     )
     pushes: Annotated[tuple[PushOptions, ...], Field(strict=False)] = Field(
-        default=(), description="forces that disturb the robot (contact plant only)"
+        default=(),
+        max_length=1000,
+        description="forces that disturb the robot (contact plant only)",
     )
     contact: ContactOptions = ContactOptions()
     analytic: AnalyticOptions = AnalyticOptions()

@@ -12,7 +12,7 @@ from ttwmr_mj.robot import Config, WhichTrailer
 
 T = TypeVar("T")
 # TOML has arrays where Python has tuples; their elements stay strict
-Several = Annotated[tuple[T, ...], Field(strict=False)]
+Several = Annotated[tuple[T, ...], Field(strict=False, max_length=1000)]
 Pair = Annotated[tuple[float, float], Field(strict=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Radial = Annotated[float, Field(ge=-1, le=1)]
