@@ -45,6 +45,15 @@ def test_the_file_is_named_that_could_not_be_written(tmp_path: Path) -> None:
     assert error.value.filename == str(tmp_path / "no" / "a.json")
 
 
+def test_two_writers_of_one_file_do_not_meet(tmp_path: Path) -> None:
+    file = tmp_path / "a.txt"
+    with written(file) as first, written(file) as second:
+        first.write_text("first")
+        second.write_text("second")
+    assert file.read_text() == "first"  # who is ready last
+    assert [path.name for path in tmp_path.iterdir()] == ["a.txt"]
+
+
 def test_the_file_is_named_that_found_no_room(tmp_path: Path) -> None:
     """What writes to an open file does not know its name."""
     with pytest.raises(OSError, match=r"a\.json") as error, written(tmp_path / "a.json"):

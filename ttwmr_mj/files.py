@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import glob
 import json
 import os
 import shutil
@@ -122,7 +123,8 @@ def written(path: Path) -> Iterator[Path]:
             return
     if path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    temporary = _draft(path)
+    # no other process writes under this name
+    temporary = path.with_name(f"{path.name}.{os.getpid()}.{os.urandom(4).hex()}{DRAFT}")
     try:
         yield temporary
         temporary.replace(path)
@@ -137,14 +139,15 @@ def written(path: Path) -> Iterator[Path]:
 def delete_drafts(places: Iterable[Path]) -> None:
     """Delete what a process that was killed wrote half: of these files, or in these folders."""
     for place in places:
-        drafts = place.rglob(f"*{DRAFT}") if place.is_dir() else (_draft(place),)
-        for draft in drafts:
+        inside = place.rglob(f"*{DRAFT}") if place.is_dir() else ()
+        for draft in (*inside, *place.parent.glob(drafts(glob.escape(place.name)))):
             with suppress(OSError):
                 draft.unlink(missing_ok=True)
 
 
-def _draft(path: Path) -> Path:
-    return path.with_name(path.name + DRAFT)
+def drafts(name: str) -> str:
+    """The pattern of names under which files of a name, or of a pattern, are written."""
+    return f"{name}.*{DRAFT}"
 
 
 @contextmanager

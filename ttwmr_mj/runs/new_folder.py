@@ -7,7 +7,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, is_of_input
-from ttwmr_mj.files import DRAFT, read_json
+from ttwmr_mj.files import drafts, read_json
 from ttwmr_mj.runs.lock import NAME as LOCK
 from ttwmr_mj.runs.lock import locked
 
@@ -125,7 +125,7 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
 
 def _files(folder: Path) -> list[Path]:
     """The files of a run, half-written ones included, and what has their names: a pipe, a link."""
-    names = (name for ours in OURS for name in (ours, f"{ours}{DRAFT}"))
+    names = (name for ours in OURS for name in (ours, drafts(ours)))
     return [path for name in names for path in folder.glob(name) if not path.is_dir()]
 
 

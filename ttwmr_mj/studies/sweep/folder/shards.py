@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import no_device
+from ttwmr_mj.files import delete_drafts, no_device, written
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -104,17 +104,10 @@ def write_shard(folder: Path, plan: Plan, rows: IntArray, content: bytes) -> Non
     """
     into = shards_folder(folder, plan)
     into.mkdir(parents=True, exist_ok=True)
-    path = into / _name(rows)
-    # no other process writes under this name, and what a killed one leaves is no *.parquet
-    temporary = path.with_name(f"{path.name}.{os.getpid()}.{os.urandom(4).hex()}.part")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with written(into / _name(rows)) as draft, draft.open("wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
 
 
 def _name(rows: IntArray) -> str:
@@ -129,5 +122,4 @@ def drop_remains(folder: Path, plan: Plan) -> None:
     for path in (folder / FOLDER).glob("*"):
         if path.name != plan.digest:
             shutil.rmtree(path, ignore_errors=True)
-    for path in shards_folder(folder, plan).glob("*.part"):
-        path.unlink(missing_ok=True)
+    delete_drafts([shards_folder(folder, plan)])
