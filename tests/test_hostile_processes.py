@@ -120,6 +120,23 @@ def test_a_law_that_closes_the_streams_does_not_close_the_commands(
     assert told in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("code", "status", "told"),
+    [
+        ("import signal; signal.signal = None", 1, "mine:Law ran in this process and may have"),
+        ("sys.stderr = None; raise KeyError('k')", 2, "KeyError"),
+        ("sys.stdout = sys.stderr = None", 0, "run folder: out"),
+    ],
+)
+def test_what_a_law_changes_of_the_process_is_not_told_as_a_bug(
+    code: str, status: int, told: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, "at_making", code)
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == status
+    assert told in done.stdout + done.stderr
+
+
 @pytest.mark.parametrize("place", ["at_making", "at_command"])
 def test_a_row_that_is_interrupted_is_not_stored_as_its_laws_failure(
     place: str, tmp_path: Path

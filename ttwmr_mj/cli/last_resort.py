@@ -7,12 +7,14 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from typing import TextIO
 
 from ttwmr_mj.errors import (
     InputError,
     MachineError,
     RunError,
     TtwmrError,
+    cut,
     described,
     is_of_input,
     of_system,
@@ -31,6 +33,13 @@ def _tell_nobody(code: int) -> None:
 
 
 at_close = _tell_nobody  # who wants to know the exit code before the process is over
+kept: dict[str, TextIO] = {}  # "stdout", "stderr" of a process that runs a law of the user's
+
+
+def give_streams_back() -> None:
+    """Let words go to the terminal again, whatever a law has put in the place of the streams."""
+    for name, stream in kept.items():
+        setattr(sys, name, stream)
 
 
 def open_streams() -> None:
@@ -155,6 +164,7 @@ def told(error: BaseException) -> int:
 
 def say(text: str) -> None:
     """Print to stderr as far as that is possible, without what a terminal would obey."""
+    give_streams_back()
     with contextlib.suppress(OSError, ValueError):
         print(f"ttwmr: {printable(text)}", file=sys.stderr, flush=True)
 
@@ -179,12 +189,17 @@ def _meaning(error: BaseException) -> tuple[str, int]:
             return "the input is nested too deeply", WRONG
         case MemoryError():
             return "out of memory; files that were complete are kept", FAILED
-    words = described(error).splitlines()[0]
-    return f"unexpected {_short(words, 300)}; --debug shows where, please report it", FAILED
+    words = cut(described(error).splitlines()[0], 300)
+    if law := law_in_process():
+        suspect = f"{law} ran in this process and may have changed what it needs; without it,"
+        return f"unexpected {words}; {suspect} please report it; --debug shows where", FAILED
+    return f"unexpected {words}; --debug shows where, please report it", FAILED
 
 
-def _short(text: str, most: int = 100) -> str:
-    return text if len(text) <= most else f"{text[: most - 3]}..."
+def law_in_process() -> str:
+    """The law of the user's that was loaded, as the scenario names it; empty if none was."""
+    module = sys.modules.get("ttwmr_mj.controllers.custom")
+    return module.loaded[-1] if module is not None and module.loaded else ""
 
 
 def _discard_output() -> None:

@@ -19,6 +19,7 @@ from pathlib import Path
 from time import monotonic
 from typing import TYPE_CHECKING, Any
 
+from ttwmr_mj.cli import last_resort
 from ttwmr_mj.cli.last_resort import FAILED, say
 
 if TYPE_CHECKING:
@@ -64,10 +65,7 @@ def supervise(scenario: Scenario) -> None:
 
 def _become_the_child(parent: int, telling: int) -> None:
     """A group of its own, to be ended as one, and with its parent; its exit code goes there."""
-    from ttwmr_mj.cli import last_resort
-
     telling = _far(telling)
-
     os.setpgid(0, 0)
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
@@ -110,7 +108,8 @@ def _keep_streams() -> None:
             errors=stream.errors,
             line_buffering=stream.line_buffering,
         )
-        setattr(sys, name, lasting)
+        last_resort.kept[name] = lasting
+    last_resort.give_streams_back()
 
 
 @dataclass(slots=True)

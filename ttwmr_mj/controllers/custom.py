@@ -13,6 +13,8 @@ from ttwmr_mj.controllers.base import Controller, ControllerOptions
 from ttwmr_mj.errors import InputError, Overrun, described
 from ttwmr_mj.files import resolved
 
+loaded: list[str] = []  # targets of this process, whose code may have changed anything in it
+
 
 class CustomOptions(ControllerOptions):
     """Your own class, from the Python path or beside the scenario file."""
@@ -45,6 +47,7 @@ class CustomOptions(ControllerOptions):
         """
         module_name, class_name = self.target.split(":")
         key, got = "controller.target", repr(self.target)
+        loaded.append(self.target)
         folder = folder / (self.folder or "")
         sys.path.insert(0, str(resolved(folder)))
         try:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.last_resort import give_streams_back
 from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line
 from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError
@@ -66,6 +67,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
                     live=live,
                     pace=pace,
                 )
+            give_streams_back()
             text = f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}"
             print(folder if self.quiet else text)
         if done.breaches:

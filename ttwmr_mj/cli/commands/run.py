@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.last_resort import give_streams_back
 from ttwmr_mj.cli.shared import (
     SCENARIO,
     Live,
@@ -61,6 +62,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
     def _tell(self, scenario: "Scenario", done: "execute.Run") -> int:
         """Say how it ended."""
+        give_streams_back()
         met = done.metrics["verdict"] == self.require
         if done.outcome.status != "ok" and not met:
             if self.debug and done.outcome.cause:
