@@ -93,9 +93,13 @@ def described(error: BaseException) -> str:
 def of_system(error: OSError) -> str:
     """What the system refused, and of which file."""
     name = "" if error.filename is None else in_one_line(str(error.filename))
+    return f"{cut(name)}: {refused(error)}" if name else refused(error)
+
+
+def refused(error: OSError) -> str:
+    """What the system refused."""
     # in the system's own words: libraries wrap them in theirs
-    why = os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
-    return f"{cut(name)}: {why}" if name else why
+    return os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
 
 
 def is_of_input(error: BaseException) -> bool:

@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, refused
 from ttwmr_mj.files import variable
 from ttwmr_mj.recording.layout import REPORT
 from ttwmr_mj.recording.outlet import Outlet
@@ -56,7 +56,9 @@ class RrdFile:
             try:
                 self._outlet = Outlet(path)
             except OSError as error:
-                raise InputError(f"{path}: cannot be written as a recording: {error}") from error
+                raise InputError(
+                    f"{path}: cannot be written as a recording: {refused(error)}"
+                ) from error
             self._stream.save(self._outlet.name, write_footer=footer)
         self._outlet.opened()
         self._show(layout, make_active=False)

@@ -92,7 +92,7 @@ def running_viewer(url: str) -> Viewer:
         address = socket.gethostbyname(host)
     except OSError as error:
         hint = f"start one there: rerun --port {port}"
-        problem = f"no viewer answers: {error}"
+        problem = f"no viewer answers: {error.strerror or error}"
         raise InputError.at("--live", problem, got=repr(url), hint=hint) from error
     return Viewer((*_program(), *_at(port, address)))
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError, is_of_input
+from ttwmr_mj.errors import InputError, is_of_input, refused
 from ttwmr_mj.files import drafts, read_json
 from ttwmr_mj.runs.lock import NAME as LOCK
 from ttwmr_mj.runs.lock import locked
@@ -65,7 +65,9 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(folder)) from error
+        raise InputError.at(
+            "--out", f"cannot make the folder: {refused(error)}", got=str(folder)
+        ) from error
 
 
 def kept(folder: Path) -> str:

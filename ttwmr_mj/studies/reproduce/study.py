@@ -4,7 +4,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import InputError, MachineError, refused
 from ttwmr_mj.runs.lock import NAME as LOCK
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.progress import progress_bar
@@ -84,7 +84,9 @@ def _check_folder(out: Path) -> None:
         out.mkdir(parents=True, exist_ok=True)
         strangers = [p.name for p in out.iterdir() if not _ours(p.name)]
     except OSError as error:
-        raise InputError.at("--out", f"cannot make the folder: {error}", got=str(out)) from error
+        raise InputError.at(
+            "--out", f"cannot make the folder: {refused(error)}", got=str(out)
+        ) from error
     if strangers:
         raise InputError.at(
             "--out",
