@@ -42,7 +42,7 @@ def a_run(folder: Path) -> dict[str, str]:
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with (
-        pytest.raises(InputError, match=r"^--out: got .*inside; cannot make the folder: "),
+        pytest.raises(InputError, match=r"^--out: got .*inside; cannot make the folder: [A-Z]"),
         new_folder(tmp_path / "file" / "inside", force=False),
     ):
         pass
