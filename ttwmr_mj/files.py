@@ -92,7 +92,7 @@ def scratch_folder() -> Path:
         return Path(tempfile.gettempdir())
     except FileNotFoundError as error:
         raise MachineError(
-            "temporary files can be written nowhere, neither in /tmp nor in the working directory; "
+            "no folder takes temporary files, neither /tmp nor the working directory; "
             "let TMPDIR name a folder that takes them"
         ) from error
 

@@ -191,8 +191,9 @@ def _meaning(error: BaseException) -> tuple[str, int]:
             return "out of memory; files that were complete are kept", FAILED
     words = cut(described(error).splitlines()[0], 300)
     if law := law_in_process():
-        suspect = f"{law} ran in this process and may have changed what it needs; without it,"
-        return f"unexpected {words}; {suspect} please report it; --debug shows where", FAILED
+        suspect = f"the law {law} ran in this process and may have caused it"
+        report = "if it happens without that law, too, please report it"
+        return f"unexpected {words}; {suspect}; {report}; --debug shows where", FAILED
     return f"unexpected {words}; --debug shows where, please report it", FAILED
 
 

@@ -24,7 +24,7 @@ from ttwmr_mj.state import FloatArray, RobotState
 
 Status = Literal["ok", "diverged", "failed", "interrupted", "killed"]
 Report = Callable[[Trajectory], None]
-STANCES = 1000  # of so many samples at most, what they say of the footing is still to be computed
+STANCES = 1000  # samples that may wait until their footing is computed, all at once
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ class Pace:
         lag_s: by how much every sample so far came too late; empty with speed 0.
 
     Raises:
-        InputError: the speed is none.
+        InputError: the speed is negative, not finite, or slower than SLOWEST.
     """
 
     speed: float = 0.0
