@@ -71,8 +71,9 @@ def scenario_of(world: str, cell: Cell | None) -> Scenario | None:
     """What a cell runs in a world; None where there is none, or its law cannot learn."""
     if cell is None:
         return None
-    kind = load_scenario(cell.scenario, list(cell.sets)).controller.kind
-    if world == "lab, learning" and kind not in LEARNING:
+    plain = load_scenario(cell.scenario, list(cell.sets))
+    learns = plain.controller.kind in LEARNING and len(plain.robot.trailers) == 1
+    if world == "lab, learning" and not learns:
         return None
     return load_scenario(cell.scenario, [*cell.sets, *WORLDS[world]])
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from ttwmr_mj.runs.deadline import Deadline, Overrun
+from ttwmr_mj.deadline import Deadline, Overrun
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import check_scenario
 

@@ -73,6 +73,12 @@ def test_what_cannot_be_made_is_an_input_error(
         made(tmp_path, place, code)
 
 
+def test_a_class_that_makes_no_controller_is_an_input_error(tmp_path: Path) -> None:
+    code = "pass\n\n    def __new__(cls):\n        return None"
+    with pytest.raises(InputError, match="raised TypeError: it must make a Controller"):
+        made(tmp_path, "at_making", code)
+
+
 @pytest.mark.parametrize(
     ("place", "code", "told"),
     [

@@ -126,6 +126,9 @@ def test_a_law_that_closes_the_streams_does_not_close_the_commands(
         ("import signal; signal.signal = None", 1, "mine:Law ran in this process and may have"),
         ("sys.stderr = None; raise KeyError('k')", 2, "KeyError"),
         ("sys.stdout = sys.stderr = None", 0, "run folder: out"),
+        ("np.abs = lambda *_: sys.exit(0)", 1, "unexpected SystemExit: 0; the law mine:Law ran"),
+        ("sys.setrecursionlimit(60)", 1, "RecursionError: maximum recursion depth exceeded"),
+        ("sys.modules.clear()", 1, "the law mine:Law ran in this process and may have caused it"),
     ],
 )
 def test_what_a_law_changes_of_the_process_is_not_told_as_a_bug(
@@ -135,6 +138,39 @@ def test_what_a_law_changes_of_the_process_is_not_told_as_a_bug(
     done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
     assert done.returncode == status
     assert told in done.stdout + done.stderr
+
+
+def test_a_law_that_asks_for_all_warnings_hears_none_of_ours(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_making", "import warnings; warnings.simplefilter('always')")
+    done = ttwmr(tmp_path, "validate", "--load", changes=FAST)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_folder_that_a_law_removes_is_no_fault_of_the_input(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", "import shutil; shutil.rmtree('out')")
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=[*FAST, "output.figures=false"])
+    assert done.returncode == 1
+    assert "out: the folder is gone" in done.stderr
+
+
+def test_a_stopped_process_of_a_law_can_be_ended(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", "os.kill(os.getpid(), 19)  # SIGSTOP")
+    line = [*TTWMR, "run", "mine.toml", "--out", "out", "--set=output.figures=false"]
+    with subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as run:
+        until_s = time.monotonic() + 30.0
+        children = Path(f"/proc/{run.pid}/task/{run.pid}/children")
+        while time.monotonic() < until_s and not _stopped(children.read_text().split()):
+            time.sleep(0.05)
+        run.terminate()
+        _, said = run.communicate(timeout=30.0)
+    assert run.returncode == 1
+    assert "stopped" in said
+
+
+def _stopped(processes: list[str]) -> bool:
+    """Whether one of them is."""
+    told = (Path(f"/proc/{one}/stat").read_text() for one in processes)
+    return any(words.rpartition(")")[2].split()[0] == "T" for words in told)
 
 
 @pytest.mark.parametrize("place", ["at_making", "at_command"])

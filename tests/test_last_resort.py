@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from ttwmr_mj.cli import last_resort
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import printable
 
@@ -137,6 +138,7 @@ def test_any_exception_is_one_line(
         raise error
 
     monkeypatch.setattr("ttwmr_mj.scenario.file.load_scenario", fails)
+    monkeypatch.setattr(last_resort, "strangers", [])  # of other tests
     assert main(["validate", "lab_circle"]) == code
     assert told in one_line(capsys.readouterr().err)
     if isinstance(error, Exception):

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -99,7 +100,7 @@ def test_a_viewer_that_fails_costs_the_run_nothing(fate: str, tmp_path: Path) ->
         live.finish = live._ended.set  # type: ignore[method-assign]  # no grace at the end
         done = run_scenario(scenario, tmp_path, live=live, pace=Pace(0.0, report_every_s=0.02))
         assert live.alive == (fate == "deaf")
-        assert bool(live.fault) == (fate == "killed")
+        assert bool(live.fault) == (fate != "dead")
         os.kill(live._process.pid, signal.SIGKILL) if fate == "deaf" else None
     assert done.outcome.status == "ok"
     assert len(Trajectory.read(tmp_path / "trajectory.parquet")) == scenario.periods + 1
@@ -148,7 +149,11 @@ def test_a_pace_that_is_none_is_refused(
 
 
 @pytest.mark.parametrize(
-    "wish", ["window", "http://127.0.0.1:9876", "rerun+http://127.0.0.1", "rerun+http://h:p/proxy"]
+    "wish",
+    [
+        *("window", "http://127.0.0.1:9876", "rerun+http://127.0.0.1", "rerun+http://h:p/proxy"),
+        "rerun+http://[::1/proxy",
+    ],
 )
 def test_a_viewer_that_is_none_is_refused(wish: str) -> None:
     with pytest.raises(InputError, match=r"--live: got .*allowed: auto, web, or"):
@@ -160,6 +165,47 @@ def test_a_viewer_that_does_not_answer_is_refused() -> None:
         held.bind(("127.0.0.1", 0))
         with pytest.raises(InputError, match="no viewer answers"):
             choose_viewer(f"rerun+http://127.0.0.1:{held.getsockname()[1]}/proxy")
+
+
+@pytest.mark.parametrize(
+    ("answer", "told"),
+    [
+        (b"", "."),
+        (b"HTTP/1.1 400 Bad Request\r\n\r\n", "what answers there is no viewer"),
+        (None, "timed out"),
+    ],
+)
+def test_a_server_that_is_no_viewer_is_refused(
+    answer: bytes | None, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(viewer, "ANSWER_S", 0.2)
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def serve() -> None:
+            connection, _ = server.accept()
+            if answer is None:
+                connection.recv(1000)  # all it says
+                connection.recv(1)
+            else:
+                connection.sendall(answer)
+            connection.close()
+
+        threading.Thread(target=serve, daemon=True).start()
+        with pytest.raises(InputError, match=f"no viewer answers: .*{told}"):
+            choose_viewer(f"rerun+http://127.0.0.1:{server.getsockname()[1]}/proxy")
+
+
+def test_a_name_that_can_be_no_hosts_is_refused() -> None:
+    with pytest.raises(InputError, match=r"no viewer answers: .*label"):
+        choose_viewer(f"rerun+http://{'a' * 64}:9/proxy")
+
+
+def test_a_pipe_of_a_recordings_name_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.rrd")
+    with pytest.raises(InputError, match=r"no .rrd file in this folder"):
+        viewer.find_recording(tmp_path)
+    with pytest.raises(InputError, match="no such file or folder"):
+        viewer.find_recording(tmp_path / "a.rrd")
 
 
 def test_what_is_not_recorded_cannot_be_shown(capsys: pytest.CaptureFixture[str]) -> None:

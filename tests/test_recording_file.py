@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from recordings import Recording, analytic, circle_reference, contact_run, record, recorder
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import RunError
 
 
 @pytest.mark.parametrize("plant", ["contact", "analytic"])
@@ -64,7 +64,7 @@ def test_nothing_can_be_added_after_closing(tmp_path: Path) -> None:
 
 def test_a_missing_folder_is_named(tmp_path: Path) -> None:
     reference = circle_reference()
-    with pytest.raises(InputError, match=r"nowhere/run\.rrd"):
+    with pytest.raises(RunError, match="nowhere: the folder is gone"):
         recorder(tmp_path / "nowhere" / "run.rrd", reference)
 
 

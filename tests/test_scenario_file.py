@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import tomllib
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario, set_value
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.bench.suite import load_suite
+from ttwmr_mj.studies.sweep.plan.file import load_sweep
 
 GOOD = """
 name = "mine"
@@ -51,6 +54,17 @@ def test_a_byte_order_mark_is_no_fault(tmp_path: Path) -> None:
     plain.write_text(GOOD)
     marked.write_text("\ufeff" + GOOD.replace("\n", "\r\n"), encoding="utf-8")
     assert load_scenario(str(marked)) == load_scenario(str(plain))
+
+
+@pytest.mark.parametrize("find", [load_scenario, load_sweep, load_suite])
+def test_what_is_no_file_is_told_as_what_it_is(
+    find: Callable[[str], object], tmp_path: Path
+) -> None:
+    for name, told in (("folder", "is a folder"), ("loop", "is a link that leads to no file")):
+        path = tmp_path / f"{name}.toml"
+        path.mkdir() if name == "folder" else path.symlink_to(path)
+        with pytest.raises(InputError, match=f"{name}.toml: {told}"):
+            find(str(path))
 
 
 def test_a_pipe_is_told_as_one(tmp_path: Path) -> None:

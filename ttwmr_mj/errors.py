@@ -14,6 +14,9 @@ MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
 LONGEST_REASON = 1000  # letters of what an exception says of itself
 LONGEST_WORD = 100  # letters of a name from a stranger
 MOST_TOLD = 100  # faults of one input
+# whose code has run in this process, and may have changed anything in it: laws of the user's, and
+# packages that add some
+strangers: list[str] = []
 # what the user named cannot be used; any other error of the system is no fault of the input
 OF_NAMES = frozenset(
     {

@@ -262,6 +262,22 @@ def is_stream(path: Path) -> bool:
     return there and not is_file(path)
 
 
+def require_none_but_files(path: Path) -> None:
+    """Refuse a path where there is something, and no file.
+
+    Raises:
+        InputError: with what is there.
+    """
+    if is_stream(path):
+        hint = "write it into a file: the files that it names are looked up beside it"
+        raise InputError(Fault(problem="is a pipe or a device", hint=hint), file=str(path))
+    if os.path.isdir(path):  # noqa: PTH112  # as above
+        raise InputError(Fault(problem="is a folder"), file=str(path))
+    if os.path.islink(path) and not is_file(path):  # noqa: PTH114  # as above
+        problem = "is a link that leads to no file"
+        raise InputError(Fault(problem=problem), file=str(path))
+
+
 def input_file(remedy: str) -> AfterValidator:
     """Marks a text field as the name of a file beside the scenario; see `placed`."""
     return AfterValidator(lambda given, info: placed(given, info, remedy))

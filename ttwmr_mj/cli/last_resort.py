@@ -19,6 +19,7 @@ from ttwmr_mj.errors import (
     is_of_input,
     of_system,
     printable,
+    strangers,
 )
 
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
@@ -152,6 +153,14 @@ def close_streams(code: int) -> int:
     return code
 
 
+def leave_threads(code: int) -> None:
+    """End the process here where threads of somebody else's code would keep it alive."""
+    others = (one for one in threading.enumerate() if one is not threading.main_thread())
+    if stranger_in_process() and any(not one.daemon for one in others):
+        sys.stderr.flush()
+        os._exit(code)
+
+
 def told(error: BaseException) -> int:
     """Say in one line what ended the command; returns the exit code."""
     if isinstance(error, BrokenPipeError):
@@ -185,22 +194,21 @@ def _meaning(error: BaseException) -> tuple[str, int]:
         case UnicodeEncodeError():
             hint = "set LC_ALL=C.UTF-8"
             return f"this locale cannot name {ascii(error.object)[:80]}; {hint}", WRONG
-        case RecursionError():
+        case RecursionError() if not strangers:  # a law may have lowered the limit
             return "the input is nested too deeply", WRONG
         case MemoryError():
             return "out of memory; files that were complete are kept", FAILED
     words = cut(described(error).splitlines()[0], 300)
-    if law := law_in_process():
-        suspect = f"the law {law} ran in this process and may have caused it"
-        report = "if it happens without that law, too, please report it"
+    if suspect := stranger_in_process():
+        suspect = f"{suspect} ran in this process and may have caused it"
+        report = "if it happens without that, too, please report it"
         return f"unexpected {words}; {suspect}; {report}; --debug shows where", FAILED
     return f"unexpected {words}; --debug shows where, please report it", FAILED
 
 
-def law_in_process() -> str:
-    """The law of the user's that was loaded, as the scenario names it; empty if none was."""
-    module = sys.modules.get("ttwmr_mj.controllers.custom")
-    return module.loaded[-1] if module is not None and module.loaded else ""
+def stranger_in_process() -> str:
+    """Whose code has run here, a law of the user's or another package's; empty if nobody's."""
+    return strangers[-1] if strangers else ""
 
 
 def _discard_output() -> None:

@@ -29,8 +29,16 @@ EXAMPLES = """examples:
 
 def main(words: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit code."""
+    code = _main(words)
+    if supervisor.own_process:
+        last_resort.leave_threads(code)
+    return code
+
+
+def _main(words: Sequence[str] | None) -> int:
     last_resort.open_streams()
     debug, supervisor.own_process = False, words is None
+    subcommand = None
     try:
         with _ended_like_ctrl_c():
             words = last_resort.readable(sys.argv[1:] if words is None else words)
@@ -40,15 +48,24 @@ def main(words: Sequence[str] | None = None) -> int:
                 last_resort.forget_variables()
             debug = supervisor.debug = subcommand.debug
             if supervisor.own_process and not debug and not sys.warnoptions:
-                warnings.simplefilter("ignore")  # libraries' words on numbers, which results tell
+                _hush_libraries()
             return last_resort.close_streams(subcommand())
-    except SystemExit as end:  # of argparse, with its help or its error told
-        code = end.code if isinstance(end.code, int) else last_resort.FAILED
-        raise SystemExit(last_resort.close_streams(code)) from None
+    except supervisor.Over as over:
+        return last_resort.close_streams(over.code)
     except BaseException as error:
+        if isinstance(error, SystemExit) and subcommand is None:  # of argparse, which has told all
+            code = error.code if isinstance(error.code, int) else last_resort.FAILED
+            raise SystemExit(last_resort.close_streams(code)) from None
         if debug and not isinstance(error, KeyboardInterrupt | BrokenPipeError):
             raise
         return last_resort.close_streams(last_resort.told(error))
+
+
+def _hush_libraries() -> None:
+    """Not to print warnings of numbers, which results tell, but one of ours."""
+    warnings.simplefilter("ignore")
+    warnings.filterwarnings("always", module=r"ttwmr_mj\.registry")
+    warnings.showwarning = lambda message, *_, **__: last_resort.say(str(message))
 
 
 def parse(words: Sequence[str] | None = None) -> engine.Subcommand:

@@ -37,15 +37,33 @@ own_process = False  # whether this process is the command's, and not a script's
 debug = False  # whether tracebacks are wanted
 
 
+class Over(BaseException):
+    """The child that went on in this process's place is over.
+
+    Attributes:
+        code: its exit code.
+    """
+
+    def __init__(self, code: int) -> None:
+        self.code = code
+
+
 def supervise(scenario: Scenario) -> None:
-    """Go on in a child of this process, where the scenario has a law of the user's.
+    """Go on in a child of this process, where the scenario has code of the user's.
+
+    That is a law of theirs, or a law or reference that another package adds.
 
     Raises:
-        SystemExit: in this process, once the child is over.
+        Over: in this process, once the child is over.
     """
-    if not own_process or scenario.controller.kind != "custom" or not hasattr(os, "fork"):
+    if not own_process or not hasattr(os, "fork"):
         return
-    from ttwmr_mj.runs import deadline
+    from ttwmr_mj import deadline
+    from ttwmr_mj.registry import is_foreign
+
+    foreign = any(is_foreign(type(part)) for part in (scenario.controller, scenario.reference))
+    if not foreign and scenario.controller.kind != "custom":
+        return
 
     sys.stdout.flush()
     sys.stderr.flush()
@@ -60,7 +78,7 @@ def supervise(scenario: Scenario) -> None:
         return
     os.close(telling)
     with open(told, "rb", buffering=0) as answers:  # noqa: PTH123  # a pipe
-        raise SystemExit(_Watch(child, answers.fileno(), memoryview(board).cast("d")).code())
+        raise Over(_Watch(child, answers.fileno(), memoryview(board).cast("d")).code())
 
 
 def _become_the_child(parent: int, telling: int) -> None:
@@ -102,8 +120,10 @@ def _keep_streams() -> None:
     """Let words reach the terminal though a law closes its streams, or files 1 and 2."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
+        # never closed, and not to be warned of where a law asks for all warnings
+        raw = io.FileIO(_far(stream.fileno()), "wb", closefd=False)
         lasting = _Lasting(
-            os.fdopen(_far(stream.fileno()), "wb"),
+            io.BufferedWriter(raw),
             encoding=stream.encoding,
             errors=stream.errors,
             line_buffering=stream.line_buffering,
@@ -167,7 +187,7 @@ class _Watch:
 
     def _is_late(self) -> bool:
         """Whether a call into the law takes longer than it may."""
-        from ttwmr_mj.runs.deadline import PATIENCE
+        from ttwmr_mj.deadline import PATIENCE
 
         limit_s, call = self.board[0], self.board[1]
         if not limit_s or call != self._call:
@@ -194,6 +214,7 @@ class _Watch:
     def _pass_on(self, signum: int, frame: object) -> None:
         del frame
         os.kill(self.child, signum)
+        os.kill(self.child, signal.SIGCONT)  # a law may have stopped it
 
 
 def _how(status: int) -> str:

@@ -28,7 +28,7 @@ def viewing(wish: str | None) -> Iterator[LiveView | None]:
             print(f"open in a browser: {live.viewer.page}", flush=True)
         yield live
         if live.fault:
-            say(f"warning: the viewer ended early: {live.fault}")
+            say(f"warning: the viewer did not show all: {live.fault}")
         if live.viewer.page and live.alive and sys.stdin.isatty():
             print("the page is served until Ctrl-C", flush=True)
             with suppress(KeyboardInterrupt):

@@ -13,8 +13,8 @@ import numpy as np
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.references.shared.reference import Reference, kind_of
-from ttwmr_mj.registry import Registry
+from ttwmr_mj.references.shared.reference import Reference, faults_only, kind_of
+from ttwmr_mj.registry import Registry, guarded
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import BoolArray, FloatArray
@@ -158,6 +158,14 @@ class Law(Controller, Generic[OptionsT]):
         self._options = options
 
 
+def law_faults(
+    options: ControllerOptions, reference: Reference, path: ReferencePath | None
+) -> list[Fault]:
+    """`options.faults`, of whatever package it is."""
+    with guarded(type(options), "controller.kind", "faults()"):
+        return faults_only(options.faults(reference, path))
+
+
 def undefined_theta2(reference: Reference, problem: str, hint: str) -> Fault:
     """A fault of `path_faults`: θ2 is undefined where the law needs it."""
     key = "theta2" if "theta2" in type(reference).model_fields else "kind"
@@ -167,6 +175,15 @@ def undefined_theta2(reference: Reference, problem: str, hint: str) -> Fault:
     )
 
 
+def _lacks(cls: type[ControllerOptions]) -> str:
+    """What makes no law."""
+    made = cls.make is not ControllerOptions.make
+    law = getattr(cls, "law", None)
+    if made or (isinstance(law, type) and issubclass(law, Law)):
+        return ""
+    return "it has neither `law`, a class that derives from Law, nor `make`"
+
+
 CONTROLLERS: Registry[ControllerOptions] = Registry(
-    "ttwmr_mj.controllers", ControllerOptions, kind_of, "ttwmr_mj.controllers"
+    "ttwmr_mj.controllers", ControllerOptions, kind_of, "ttwmr_mj.controllers", _lacks
 )

@@ -10,10 +10,8 @@ from typing import Any, ClassVar, Literal, Self
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions
-from ttwmr_mj.errors import InputError, Overrun, described
+from ttwmr_mj.errors import InputError, Overrun, described, strangers
 from ttwmr_mj.files import resolved
-
-loaded: list[str] = []  # targets of this process, whose code may have changed anything in it
 
 
 class CustomOptions(ControllerOptions):
@@ -47,7 +45,7 @@ class CustomOptions(ControllerOptions):
         """
         module_name, class_name = self.target.split(":")
         key, got = "controller.target", repr(self.target)
-        loaded.append(self.target)
+        strangers.append(f"the law {self.target}")
         folder = folder / (self.folder or "")
         sys.path.insert(0, str(resolved(folder)))
         try:
@@ -71,7 +69,10 @@ class CustomOptions(ControllerOptions):
             )
             raise InputError.at(key, problem, got=got)
         try:
-            return found(**copy.deepcopy(self.options))  # the scenario's own stay as they are
+            law = found(**copy.deepcopy(self.options))  # the scenario's own stay as they are
+            if not isinstance(law, Controller):
+                raise TypeError("it must make a Controller")
+            return law
         except (KeyboardInterrupt, Overrun):
             raise
         except BaseException as error:

@@ -72,7 +72,9 @@ class LiveView:
 
     @property
     def fault(self) -> str:
-        """Why the viewer ended by itself, in its own last words; empty if it did not break."""
+        """Why it has not shown all, in the viewer's own last words if it has any; else empty."""
+        if self.alive and self._ended.is_set() and self._copying and self._copying.is_alive():
+            return f"it took no more for {DRAIN_S:g} s"
         if not self._process.poll():
             return ""
         self._words.seek(0)

@@ -11,7 +11,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
-from ttwmr_mj.errors import InputError, refused
+from ttwmr_mj.errors import InputError, RunError, refused
 from ttwmr_mj.files import variable
 from ttwmr_mj.recording.layout import REPORT
 from ttwmr_mj.recording.outlet import Outlet
@@ -36,6 +36,7 @@ class RrdFile:
 
     Raises:
         InputError: the file cannot be created.
+        RunError: its folder is gone.
     """
 
     def __init__(
@@ -55,6 +56,11 @@ class RrdFile:
             self._stream.set_log_time_enabled(False)
             try:
                 self._outlet = Outlet(path)
+            except (
+                FileNotFoundError,
+                NotADirectoryError,
+            ) as error:  # it was there when the run began
+                raise RunError(f"{path.parent}: the folder is gone") from error
             except OSError as error:
                 raise InputError(
                     f"{path}: cannot be written as a recording: {refused(error)}"

@@ -8,16 +8,22 @@ import os
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.errors import InputError, MachineError, cut, shown
 
 MAGIC = b"RRF"  # that recordings begin with
 LOOPBACK = "127.0.0.1"
 WEB_PORT, GRPC_PORT = 9090, 9876  # rerun's own; others where these are taken
 PROGRAMS = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
+ANSWER_S = 5.0
+HTTP_2, SETTINGS = (
+    b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
+    bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]),
+)  # RFC 9113
 # the oldest data go where there is more
 SERVER_MEMORY, WINDOW_MEMORY = "1GB", "2GB"
 WAYS = "auto, web, or the address of a viewer that runs, such as rerun+http://127.0.0.1:9876/proxy"
@@ -75,26 +81,37 @@ def running_viewer(url: str) -> Viewer:
     Raises:
         InputError: this is no such address, or nobody answers there.
     """
-    parts = urlsplit(url)
     try:
-        host, port = parts.hostname, parts.port
-    except ValueError:  # a port that is no number
-        host = port = None
-    if (
-        parts.scheme != "rerun+http"
-        or not host
-        or not port
-        or parts.path not in ("", "/", "/proxy")
-    ):
-        raise InputError.at("--live", got=repr(url), allowed=WAYS)
+        parts = urlsplit(url)
+        host, port, path = parts.hostname, parts.port, parts.path
+        right = parts.scheme == "rerun+http" and path in ("", "/", "/proxy")
+    except ValueError:  # a port that is no number, half an address
+        right, host, port = False, None, None
+    if not right or not host or not port:
+        raise InputError.at("--live", got=shown(url), allowed=WAYS)
     try:
-        socket.create_connection((host, port), timeout=5.0).close()
-        address = socket.gethostbyname(host)
-    except OSError as error:
+        address = _answering(host, port)
+    except (OSError, UnicodeError) as error:  # a name that cannot be one
         hint = f"start one there: rerun --port {port}"
-        problem = f"no viewer answers: {error.strerror or error}"
-        raise InputError.at("--live", problem, got=repr(url), hint=hint) from error
+        problem = f"no viewer answers: {getattr(error, 'strerror', None) or error}"
+        raise InputError.at("--live", cut(problem), got=shown(url), hint=hint) from error
     return Viewer((*_program(), *_at(port, address)))
+
+
+def _answering(host: str, port: int) -> str:
+    """The address of a server that speaks HTTP/2 as viewers do.
+
+    Raises:
+        OSError, UnicodeError: there is none.
+    """
+    with socket.create_connection((host, port), timeout=ANSWER_S) as connection:
+        connection.sendall(HTTP_2 + SETTINGS)
+        answer = b""
+        while len(answer) < len(SETTINGS) and (more := connection.recv(len(SETTINGS))):
+            answer += more
+        if answer[3:4] != SETTINGS[3:4]:  # the type of the frame
+            raise OSError("what answers there is no viewer")
+        return str(connection.getpeername()[0])
 
 
 def display() -> str | None:
@@ -191,18 +208,23 @@ def find_recording(given: Path | None) -> Path:
 
 def _named(given: Path | None) -> Path:
     if given is None:
-        found = sorted(Path("results").glob("**/*.rrd"), key=lambda path: path.stat().st_mtime)
+        found = sorted(_files(Path("results"), "**/*.rrd"), key=lambda path: path.stat().st_mtime)
         if not found:
             raise InputError("no recording under results/; run a scenario or name an .rrd file")
         return found[-1]
     if given.is_dir():
-        inside = sorted(given.glob("*.rrd"))
+        inside = sorted(_files(given, "*.rrd"))
         if not inside:
             raise InputError(f"{given}: no .rrd file in this folder")
         return inside[0]
     if not given.is_file():
         raise InputError(f"{given}: no such file or folder")
     return given
+
+
+def _files(folder: Path, pattern: str) -> Iterator[Path]:
+    """Those that can be read to their end, and no pipes of such names."""
+    return (path for path in folder.glob(pattern) if path.is_file())
 
 
 def open_window(given: Path | None) -> int:

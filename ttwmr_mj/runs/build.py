@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.config import rows_of
-from ttwmr_mj.controllers.base import Controller
+from ttwmr_mj.controllers.base import Controller, ControllerOptions, law_faults
+from ttwmr_mj.deadline import limited
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError, Overrun
@@ -17,8 +18,9 @@ from ttwmr_mj.plants.side_by_side import SideBySide
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.hitched import has_spring
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import reference_faults, sampled
+from ttwmr_mj.registry import guarded
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs.deadline import limited
 from ttwmr_mj.runs.laws import START_LIMIT, leave_if_forked
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
@@ -34,7 +36,7 @@ def sample_reference(scenario: Scenario) -> ReferencePath | None:
     Raises:
         InputError: the robot cannot have this reference.
     """
-    strange = bool(scenario.reference.faults(scenario.robot))
+    strange = bool(reference_faults(scenario.reference, scenario.robot))
     robot = scenario.believed_robot if strange else scenario.robot
     return _sampled(scenario, robot, scenario.ground)
 
@@ -49,11 +51,11 @@ def believed_reference(scenario: Scenario) -> ReferencePath | None:
 
 
 def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> ReferencePath | None:
-    faults = scenario.reference.faults(robot)
+    faults = reference_faults(scenario.reference, robot)
     if faults:
         raise InputError(*(fault.within("reference") for fault in faults))
     times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
-    path = scenario.reference.sample(times, robot)
+    path = sampled(scenario.reference, times, robot)
     influence = influence_of(robot, ground)
     # of dry friction in the hitch nothing is made, nor of what acts on several trailers
     acts = bool(influence[:DRY].any()) or has_spring(robot)
@@ -129,7 +131,7 @@ def refuse_reference(scenario: Scenario, reference: ReferencePath | None) -> Non
     Raises:
         InputError: this reference, as the controller is told it.
     """
-    faults = scenario.controller.faults(scenario.reference, reference)
+    faults = law_faults(scenario.controller, scenario.reference, reference)
     if faults:
         raise InputError(*faults)
 
@@ -147,7 +149,7 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
     process, limit_s = os.getpid(), scenario.control.controller_start_limit_s
     try:
         with limited(limit_s):
-            law = scenario.controller.make(folder)
+            law = _made(scenario.controller, folder)
     except Overrun:
         problem = f"importing and making the law timed out after {limit_s:g} s"
         raise InputError.at("controller", problem, hint=START_LIMIT) from None
@@ -158,6 +160,14 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
     from ttwmr_mj.controllers.shared.computed_torque import ComputedTorque
 
     return ComputedTorque(law, scenario.control.rate_gain_1_s)
+
+
+def _made(options: ControllerOptions, folder: Path) -> Controller:
+    with guarded(type(options), "controller.kind", "make()", has_limit=True):
+        law = options.make(folder)
+        if not isinstance(law, Controller):
+            raise TypeError("it must return a Controller")
+        return law
 
 
 def make_sensor(

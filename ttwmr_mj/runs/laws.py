@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.controllers.base import Command, Controller, Task
+from ttwmr_mj.deadline import Deadline, described_within
 from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.runs.answers import Answers, is_sane, strange
-from ttwmr_mj.runs.deadline import Deadline, described_within
 from ttwmr_mj.sensing import Estimate
 
 START_LIMIT = "limit: control.controller_start_limit_s"

@@ -5,14 +5,14 @@ from pathlib import Path
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.controllers.shared.source import inspected
+from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.deadline import described_within, limited
 from ttwmr_mj.runs.laws import START_LIMIT
 from ttwmr_mj.scenario.schema import Scenario
 
 
-def law_faults(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
+def rehearsed(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
     """What is wrong with a law of the user's; of those of this package nothing.
 
     Args:

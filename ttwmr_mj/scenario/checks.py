@@ -11,8 +11,10 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.composite import tractor_chassis, trailer_chassis
+from ttwmr_mj.controllers.base import law_faults
 from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.scenario.limits import ESCAPE, MOST_PERIODS
 from ttwmr_mj.scenario.plant import PushOptions
 from ttwmr_mj.scenario.schema import Scenario
@@ -284,16 +286,23 @@ def _one_period(scenario: Scenario) -> Iterable[Fault]:
         yield Fault(key=("control", "sampling_time_s"), got=f"{period:g}", allowed=allowed)
 
 
-def _reference(scenario: Scenario) -> Iterable[Fault]:
-    faults = scenario.reference.faults(scenario.believed_robot)
-    yield from (fault.within("reference") for fault in faults)
+def _reference(scenario: Scenario) -> list[Fault]:
+    try:
+        faults = reference_faults(scenario.reference, scenario.believed_robot)
+    except InputError as error:  # of another package's
+        return list(error.faults)
+    return [fault.within("reference") for fault in faults]
 
 
-def _controller(scenario: Scenario) -> Iterable[Fault]:
-    if not scenario.reference.faults(scenario.believed_robot):
+def _controller(scenario: Scenario) -> list[Fault]:
+    if _reference(scenario):
+        return []
+    try:
         path = _path(scenario)
-        yield from scenario.controller.faults(scenario.reference, path)
-        yield from _too_far(path)
+        faults = law_faults(scenario.controller, scenario.reference, path)
+        return [*faults, *_too_far(path)]
+    except InputError as error:  # of another package's
+        return list(error.faults)
 
 
 def _too_far(path: ReferencePath | None) -> Iterable[Fault]:
@@ -308,7 +317,7 @@ def _path(scenario: Scenario) -> ReferencePath | None:
     count = min(scenario.samples, MOST_SAMPLES)
     time_s = np.linspace(0.0, (scenario.samples - 1) * scenario.control.sampling_time_s, count)
     with np.errstate(all="ignore"):  # what does not move has no direction: NaN, found by the law
-        return scenario.reference.sample(time_s, scenario.believed_robot)
+        return sampled(scenario.reference, time_s, scenario.believed_robot)
 
 
 CHECKS = (

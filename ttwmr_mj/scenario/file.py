@@ -11,7 +11,7 @@ from pydantic import Field, ValidationError, create_model
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import is_file, is_stream, parse_toml, read_toml
+from ttwmr_mj.files import is_file, parse_toml, read_toml, require_none_but_files
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
@@ -27,12 +27,10 @@ def find_scenario(name_or_path: str) -> Path:
     path = Path(name_or_path)
     if is_file(path):
         return path
-    if is_stream(path):
-        hint = "write it into a file: the files that it names are looked up beside it"
-        raise InputError(Fault(problem="is a pipe or a device", hint=hint), file=name_or_path)
     shipped = shipped_scenarios()
     if name_or_path in shipped:
         return shipped[name_or_path]
+    require_none_but_files(path)
     # `scenarios/lab_circle.toml` means the shipped one from any folder
     if path.parent.name == "scenarios" and path.stem in shipped and path.suffix == ".toml":
         return shipped[path.stem]

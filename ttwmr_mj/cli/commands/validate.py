@@ -46,13 +46,13 @@ class Validate(Overrides, name="validate"):
         Raises:
             InputError: with what is wrong with it.
         """
-        from ttwmr_mj.runs.rehearsal import law_faults
+        from ttwmr_mj.runs.rehearsal import rehearsed
         from ttwmr_mj.scenario.file import find_scenario
 
         file = find_scenario(name)
         if self.run_code:
             supervise(scenario)
-        faults = law_faults(scenario, file.parent, load=self.run_code)
+        faults = rehearsed(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
         law = ""

@@ -113,7 +113,7 @@ class ReferencePath:
         """
         first, names = paths[0], [field.name for field in fields(ReferencePath)][1:]
         distinct = {id(path): path for path in paths}
-        if all(_equal(first, path) for path in distinct.values()):
+        if all(first.equals(path) for path in distinct.values()):
             return first
         rows: dict[str, Any] = {}
         for name in names:
@@ -121,6 +121,14 @@ class ReferencePath:
             there = all(part is not None for part in parts)
             rows[name] = np.concatenate(parts, axis=1) if there else None
         return ReferencePath(first.time_s, **rows)
+
+    def equals(self, other: "ReferencePath") -> bool:
+        """Whether two paths are the same, undefined values included."""
+        names = [field.name for field in fields(ReferencePath)]
+        pairs = ((getattr(self, name), getattr(other, name)) for name in names)
+        return self is other or all(
+            x is y or (x is not None and np.array_equal(x, y, equal_nan=True)) for x, y in pairs
+        )
 
     @property
     def position_m(self) -> FloatArray:
@@ -170,9 +178,34 @@ class ReferencePath:
         )
 
 
-def _equal(a: ReferencePath, b: ReferencePath) -> bool:
-    """Whether two paths are the same, undefined values included."""
-    pairs = ((getattr(a, field.name), getattr(b, field.name)) for field in fields(ReferencePath))
-    return a is b or all(
-        x is y or (x is not None and np.array_equal(x, y, equal_nan=True)) for x, y in pairs
-    )
+def require_motion(path: object, time_s: FloatArray, trailers: int) -> None:
+    """Look at a path that another package made.
+
+    Args:
+        path: of one simulation.
+        time_s: (n,) the times that were asked for.
+        trailers: of the robot.
+
+    Raises:
+        TypeError, ValueError: it is no path at these times of this robot, with what is wrong.
+    """
+    if not isinstance(path, ReferencePath):
+        raise TypeError("it must return a ReferencePath or None")
+    n, angles = len(time_s), (len(time_s), 1, 1 + trailers)
+    motion = (n, 1, 5, 2)
+    shapes = {"time_s": (n,), "derivatives": motion, "theta": angles, "theta_rate": angles}
+    shapes["theta_acceleration"] = angles
+    if path.flat_derivatives is not None:
+        shapes["flat_derivatives"] = motion
+    for name, shape in shapes.items():
+        values = getattr(path, name)
+        if type(values) is not np.ndarray or values.dtype != np.float64:
+            raise TypeError(f"{name} must be a NumPy array of float64")
+        if values.shape != shape:
+            raise ValueError(f"{name} has shape {values.shape}, and must have {shape}")
+        defined = np.isfinite(values) | (np.isnan(values) & name.startswith("theta"))
+        if not defined.all():
+            first_s = time_s[~defined.reshape(n, -1).all(axis=1)][0]
+            raise ValueError(f"{name} is not finite at t = {first_s:g} s")
+    if not np.array_equal(path.time_s, time_s):
+        raise ValueError("time_s are not the times that were asked for")

@@ -7,8 +7,8 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.errors import Fault
-from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.registry import Registry
+from ttwmr_mj.references.shared.path import ReferencePath, require_motion
+from ttwmr_mj.registry import Registry, guarded, is_foreign
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -64,9 +64,47 @@ def kind_of(cls: type[Config]) -> str | None:
     return names[0] if names else None
 
 
+def reference_faults(reference: Reference, robot: RobotParameters) -> list[Fault]:
+    """`reference.faults`, of whatever package it is."""
+    with guarded(type(reference), "reference.kind", "faults()"):
+        return faults_only(reference.faults(robot))
+
+
+def faults_only(told: object) -> list[Fault]:
+    """What code of another package tells as faults.
+
+    Raises:
+        TypeError: it is something else.
+    """
+    if not isinstance(told, list) or not all(isinstance(one, Fault) for one in told):
+        raise TypeError("it must return a list of ttwmr_mj.errors.Fault")
+    return told
+
+
+def sampled(
+    reference: Reference, time_s: FloatArray, robot: RobotParameters
+) -> ReferencePath | None:
+    """`reference.sample`, of whatever package it is.
+
+    Raises:
+        InputError: another package's raised something, or gave no such motion.
+    """
+    cls = type(reference)
+    if not is_foreign(cls):
+        return reference.sample(time_s, robot)
+    with guarded(cls, "reference.kind", "sample()"):
+        path, again = (reference.sample(time_s.copy(), robot) for _ in range(2))
+        if path is None:
+            return None
+        require_motion(path, time_s, len(robot.trailers))
+        if again is None or not path.equals(again):
+            raise ValueError("two calls with the same times must return the same motion")
+        return path
+
+
 def sampled_path(reference: Reference, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
     """`sample`, of a reference that there must be."""
-    path = reference.sample(np.asarray(time_s, dtype=np.float64), robot)
+    path = sampled(reference, np.asarray(time_s, dtype=np.float64), robot)
     assert path is not None, "this kind of reference has no motion"
     return path
 

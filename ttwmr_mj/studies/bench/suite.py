@@ -31,7 +31,7 @@ from pydantic import Field, ValidationError
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
 from ttwmr_mj.errors import Fault, InputError, Keys, shown
-from ttwmr_mj.files import is_file, read_toml
+from ttwmr_mj.files import is_file, read_toml, require_none_but_files
 from ttwmr_mj.scenario.faults import fault_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
@@ -186,6 +186,7 @@ def _find(name_or_path: str) -> Path:
         return path
     shipped = {file.stem: file for file in sorted(sweeps_folder().glob("*.toml"))}
     if name_or_path not in shipped:
+        require_none_but_files(path)
         suites = list(shipped_suites())
         hint = suggestion(name_or_path, suites)
         raise InputError(

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
 from ttwmr_mj.errors import Fault, InputError, Keys
-from ttwmr_mj.files import is_file, read_toml
+from ttwmr_mj.files import is_file, read_toml, require_none_but_files
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.studies.bench.suite import is_suite
@@ -171,6 +171,7 @@ def _find(name_or_path: str) -> Path:
     named = path.stem if path.parent.name == "sweeps" and path.suffix == ".toml" else name_or_path
     if named in places:
         return places[named]
+    require_none_but_files(path)
     shipped = list(shipped_sweeps())
     problem = "no such sweep file, and no shipped sweep of that name"
     raise InputError(
