@@ -116,7 +116,7 @@ kind = "lyapunow"
         "name: got 'Bad Name'",
         "duration_s: got 1000000000000.0; allowed: less than or equal to 3600",
         "seeed: unknown key (did you mean 'seed'?)",
-        "robot.tractor.mass_kg: got -1.0; allowed: greater than 0",
+        "robot.tractor.mass_kg: got -1.0; allowed: greater than or equal to 0.000000000001",
         "robot.tractor.masss_kg: unknown key (did you mean 'mass_kg'?)",
         "robot.tractor.yaw_inertia_kg_m2: got nan; allowed: a finite number",
         "robot.trailer.yaw_inertia_kg_m2: got 1e-09; the wheels and casters",
@@ -318,9 +318,31 @@ def test_servo_presets_fill_what_is_not_given() -> None:
 
 def test_the_schema_describes_every_shipped_key() -> None:
     schema = Scenario.model_json_schema()
-    assert schema["properties"]["duration_s"]["exclusiveMinimum"] == 0
+    assert schema["properties"]["duration_s"]["minimum"] == 1e-12
     assert schema["additionalProperties"] is False
     assert {"Tractor", "Servo", "Circle", "ContactOptions"} <= set(schema["$defs"])
+
+
+def test_every_number_has_limits_and_none_is_next_to_zero() -> None:
+    """Such as 5e-324, whose inverse is infinite."""
+    entries = [Scenario.model_json_schema()]
+    for entry in entries:
+        inner = [value for value in entry.values() if isinstance(value, dict)]
+        lists = [value for value in entry.values() if isinstance(value, list)]
+        entries += inner + [one for values in lists for one in values if isinstance(one, dict)]
+    numbers = [entry for entry in entries if entry.get("type") in ("number", "integer")]
+    assert len(numbers) > 250
+    for number in numbers:
+        if "const" in number:
+            continue
+        assert {"minimum", "exclusiveMinimum"} & set(number), number
+        assert {"maximum", "exclusiveMaximum"} & set(number), number
+        assert number.get("exclusiveMinimum") != 0, number
+
+
+def test_a_truth_value_is_no_number() -> None:
+    with pytest.raises(InputError, match=r"supersampling: got True; allowed: a whole number"):
+        load_scenario("lab_circle_camera", ["sensing.camera.supersampling=true"])
 
 
 def test_an_editor_can_say_what_each_key_of_these_tables_does() -> None:

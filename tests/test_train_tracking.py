@@ -12,7 +12,7 @@ from ttwmr_mj.controllers.shared.tracking_problem import Target, TrackingWeights
 from ttwmr_mj.controllers.shared.train_problem import TrainProblem
 from ttwmr_mj.dynamics.kinematics import q_rate, twist_from_wheels
 from ttwmr_mj.dynamics.sampled_train import SampledTrain
-from ttwmr_mj.dynamics.train import solve, swing_matrix
+from ttwmr_mj.dynamics.train import FASTEST_SWING_RAD_S, solve, swing_matrix
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.build import initial_state, make_controller, sample_reference
@@ -54,6 +54,17 @@ def test_slip_and_what_is_unexplained_move_the_train() -> None:
     slip = np.array([[0.02, 0.01, 0.1]])
     after, _ = model.advance(body, still, still, slip, np.zeros((1, n)))
     np.testing.assert_allclose(after[0, :3], PERIOD * slip[0], rtol=0, atol=2e-5)
+
+
+def test_a_train_that_nobody_sees_does_not_overflow() -> None:
+    """Folded and spinning, steps of 17 ms would let it gain energy without end."""
+    model = SampledTrain(train(2), PERIOD, 0.05, substep_s=0.017)
+    body, wheels = np.array([[0.0, 0.0, 0.0, 3.0, 1.0, 80.0, -80.0]]), np.zeros((1, 2))
+    for k in range(300):
+        command = np.array([[30.0, -30.0]]) * (-1.0) ** k
+        body, wheels = model.advance(body, wheels, command, np.zeros((1, 3)), np.zeros((1, 2)))
+        assert np.abs(body[:, 5:]).max() <= FASTEST_SWING_RAD_S
+    assert np.isfinite(body).all()
 
 
 def test_a_sliding_hitch_is_rubbed_in_full_and_a_still_one_not_at_all() -> None:

@@ -62,23 +62,26 @@ class Motor(Config):
         "fast: AX-12W class, 49 rad/s; default: the servo's preset",
     )
     supply_voltage_v: float = Field(
-        default=12.0, gt=0, le=100, description="largest voltage on the winding; typically 12"
+        default=12.0, ge=1e-12, le=100, description="largest voltage on the winding; typically 12"
     )
     resistance_ohm: float = Field(
-        default=8.0, gt=0, le=1e4, description="R: resistance of winding and drive; typically 8"
+        default=8.0, ge=1e-12, le=1e4, description="R: resistance of winding and drive; typically 8"
     )
     torque_constant_n_m_a: float = Field(
-        default=0.00728, gt=0, le=10, description="K_t: motor torque per ampere; typically 0.007"
+        default=0.00728,
+        ge=1e-12,
+        le=10,
+        description="K_t: motor torque per ampere; typically 0.007",
     )
     back_emf_v_s_rad: float = Field(
         default=0.00728,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="K_e: voltage induced per rad/s of the motor, equal to K_t in SI units; "
         "typically 0.007",
     )
     current_limit_a: float = Field(
-        default=1.5, gt=0, le=1e3, description="largest current of the drive; typically 1.5"
+        default=1.5, ge=1e-12, le=1e3, description="largest current of the drive; typically 1.5"
     )
     gear_ratio: float = Field(
         default=254.0,
@@ -88,7 +91,7 @@ class Motor(Config):
     )
     gear_efficiency: float = Field(
         default=0.602,
-        gt=0,
+        ge=1e-12,
         le=1,
         description="η: share of the motor's torque that reaches the wheel; typically 0.6",
     )

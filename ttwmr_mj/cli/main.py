@@ -65,7 +65,13 @@ def _hush_libraries() -> None:
     """Not to print warnings of numbers, which results tell, but one of ours."""
     warnings.simplefilter("ignore")
     warnings.filterwarnings("always", module=r"ttwmr_mj\.registry")
-    warnings.showwarning = lambda message, *_, **__: last_resort.say(str(message))
+    others = warnings.showwarning
+
+    def show(message: Warning | str, category: type[Warning], *where: Any, **more: Any) -> None:
+        ours = category.__module__ == "ttwmr_mj.registry"
+        last_resort.say(str(message)) if ours else others(message, category, *where, **more)
+
+    warnings.showwarning = show
 
 
 def parse(words: Sequence[str] | None = None) -> engine.Subcommand:

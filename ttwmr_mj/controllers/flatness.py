@@ -249,7 +249,7 @@ class FlatnessOptions(SteeringOptions):
     kind: Literal["flatness"] = "flatness"
     bandwidth_per_s: float | None = Field(
         default=None,
-        gt=0,
+        ge=1e-12,
         le=30,
         description="λ: all four poles of the error are near −λ; default: 3.5 times the mean "
         "turn rate of the reference's trailer, typically 1 to 4",
@@ -262,7 +262,7 @@ class FlatnessOptions(SteeringOptions):
     )
     least_acceleration_share: float = Field(
         default=0.3,
-        gt=0,
+        ge=1e-12,
         le=1,
         description="share of the reference's |F''| below which the law does not let |F''| "
         "fall, as θ2 is undefined where F'' = 0; typically 0.3",

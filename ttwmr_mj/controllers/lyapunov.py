@@ -139,16 +139,28 @@ class LyapunovOptions(ControllerOptions):
     tows_trains: ClassVar[bool] = True
     kind: Literal["lyapunov"] = "lyapunov"
     alpha1: float = Field(
-        default=25.0, gt=0, le=1e6, description="gain α1 of the error e1 = x − x_d; Table II: 25"
+        default=25.0,
+        ge=1e-12,
+        le=1e6,
+        description="gain α1 of the error e1 = x − x_d; Table II: 25",
     )
     alpha2: float = Field(
-        default=10.0, gt=0, le=1e6, description="gain α2 of the error e2 = ẋ − ẋ_d; Table II: 10"
+        default=10.0,
+        ge=1e-12,
+        le=1e6,
+        description="gain α2 of the error e2 = ẋ − ẋ_d; Table II: 10",
     )
     alpha3: float = Field(
-        default=25.0, gt=0, le=1e6, description="gain α3 of the error e3 = y − y_d; Table II: 25"
+        default=25.0,
+        ge=1e-12,
+        le=1e6,
+        description="gain α3 of the error e3 = y − y_d; Table II: 25",
     )
     alpha4: float = Field(
-        default=10.0, gt=0, le=1e6, description="gain α4 of the error e4 = ẏ − ẏ_d; Table II: 10"
+        default=10.0,
+        ge=1e-12,
+        le=1e6,
+        description="gain α4 of the error e4 = ẏ − ẏ_d; Table II: 10",
     )
     singular_terms: Literal["omitted", "regularized", "published"] = Field(
         default="omitted",
@@ -156,7 +168,7 @@ class LyapunovOptions(ControllerOptions):
     )
     regularization_m_s: float = Field(
         default=0.01,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="ε in e1²·e2/(e2² + ε²), if singular_terms is regularized; typically 0.01",
     )

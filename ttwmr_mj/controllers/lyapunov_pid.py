@@ -180,12 +180,12 @@ class LyapunovPidOptions(LyapunovOptions):
     rho: float = Field(default=2.5, ge=-1e6, le=1e6, description="ρ of Eq. 69; Table II: 2.5")
     gamma_regularization_m_s2: float = Field(
         default=0.1,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="ε in D/(D² + ε²), if gamma is regularized; typically 0.1",
     )
     gamma_limit: float | None = Field(
-        default=None, gt=0, le=1e12, description="largest |γ|; default: no limit"
+        default=None, ge=1e-12, le=1e12, description="largest |γ|; default: no limit"
     )
     k_p: float = Field(
         default=48.0, ge=0, le=1e6, description="proportional gain [1/s²]; Table II: 48"

@@ -18,7 +18,7 @@ class WheelSegment(Config):
     """Constant wheel speeds for a while."""
 
     duration_s: float = Field(
-        gt=0, le=3600, description="duration of the segment; typically 1 to 10"
+        ge=1e-12, le=3600, description="duration of the segment; typically 1 to 10"
     )
     wheel_right_rad_s: float = Field(
         ge=-1e3,

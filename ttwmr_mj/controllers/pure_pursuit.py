@@ -61,7 +61,7 @@ class PurePursuitOptions(ControllerOptions):
     kind: Literal["pure_pursuit"] = "pure_pursuit"
     preview_s: float = Field(
         default=0.5,
-        gt=0,
+        ge=1e-12,
         le=2,
         description="how far ahead on the reference, in time, the target point is; typically "
         "0.3 to 1",

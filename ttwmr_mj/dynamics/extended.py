@@ -52,9 +52,11 @@ class ExtendedParameters(Config):
 
     same_in_batch: ClassVar[frozenset[str]] = frozenset({"physics_step_s"})
 
-    wheel_radius_m: float = Field(gt=0, le=1, description="effective wheel radius; Table I: 0.026")
+    wheel_radius_m: float = Field(
+        ge=1e-12, le=1, description="effective wheel radius; Table I: 0.026"
+    )
     track_width_m: float = Field(
-        gt=0, le=10, description="effective distance between the wheels; Table I: 0.119"
+        ge=1e-12, le=10, description="effective distance between the wheels; Table I: 0.119"
     )
     servo_time_constant_s: float = Field(
         default=0.0,

@@ -9,8 +9,8 @@ from ttwmr_mj.robot import Config
 from ttwmr_mj.state import BoolArray, FloatArray
 
 Coordinate = Annotated[float, Field(ge=-100, le=100)]
-Size = Annotated[float, Field(gt=0, le=100)]
-Friction = Annotated[float, Field(gt=0, le=10)]
+Size = Annotated[float, Field(ge=1e-12, le=100)]
+Friction = Annotated[float, Field(ge=1e-12, le=10)]
 
 
 class Disc(Config):

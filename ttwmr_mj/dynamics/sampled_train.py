@@ -16,6 +16,7 @@ from ttwmr_mj.dynamics.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import rolling, to_world, wheel_geometry
 from ttwmr_mj.dynamics.servo import limit_speed, ramp_and_angle
 from ttwmr_mj.dynamics.train import (
+    FASTEST_SWING_RAD_S,
     accelerations_of,
     constants,
     hitch_torques,
@@ -105,6 +106,7 @@ class SampledTrain:
             half = rate + 0.5 * step * (self._swing(mid, rate, v, tractor) + unexplained)
             new = rate + step * (self._swing(mid, half, v, tractor) + unexplained)
             theta, rate = theta + 0.5 * step * (rate + new), new
+        rate = np.clip(rate, -FASTEST_SWING_RAD_S, FASTEST_SWING_RAD_S)
         place = np.stack([x, y, theta1], axis=-1)
         return np.concatenate([place, theta, rate], axis=-1), wheels + moved
 

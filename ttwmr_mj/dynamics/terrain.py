@@ -68,7 +68,9 @@ class Terrain(Config):
 class Kerb(Config):
     """A plate on the floor: a kerb where it is narrow, a step where it is wide."""
 
-    height_m: float = Field(gt=0, le=0.03, description="over the floor; typically 0.001 to 0.003")
+    height_m: float = Field(
+        ge=1e-12, le=0.03, description="over the floor; typically 0.001 to 0.003"
+    )
     x_m: Coordinate = Field(description="of its centre; typically within 1")
     y_m: Coordinate = Field(description="of its centre; typically within 1")
     length_m: Size = Field(description="along its own x axis; typically 0.5")

@@ -26,6 +26,10 @@ from ttwmr_mj.dynamics.hybrid import sideways, trailer_acceleration
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
+# Where predictions cut a trailer's rate: 16 turns a second, which none makes. Unseen for long,
+# predicted step by step, a train that has fallen would turn ever faster, and overflow.
+FASTEST_SWING_RAD_S = 100.0
+
 
 class Link(NamedTuple):
     """A trailer with what hangs on it, as whatever tows it feels it."""

@@ -37,7 +37,7 @@ class ContactOptions(Config):
     )
     floor_friction: float = Field(
         default=0.9,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="Coulomb coefficient of tyres and balls on the floor; typically 0.9",
     )

@@ -25,7 +25,9 @@ class FigureEight(PathReference):
     half_width_m: Length = Field(description="half width W; typically 0.4")
     half_height_m: Length = Field(description="half height H; typically half of W")
     period_s: float = Field(
-        gt=0, le=3600, description="time for one complete figure eight at full rate; typically 60"
+        ge=1e-12,
+        le=3600,
+        description="time for one complete figure eight at full rate; typically 60",
     )
     phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
     centre_m: Point = Field(

@@ -35,11 +35,11 @@ class FlatArc(FlatReference):
     )
     rest_rate_rad_s: float = Field(
         default=0.3,
-        gt=0,
+        ge=1e-12,
         le=50,
         description="rate r at both ends and beyond the end; never zero, typically 0.3",
     )
-    peak_rate_rad_s: float = Field(gt=0, le=50, description="rate p in the middle; typically 1")
+    peak_rate_rad_s: float = Field(ge=1e-12, le=50, description="rate p in the middle; typically 1")
 
     @field_validator("angles_rad")
     @classmethod

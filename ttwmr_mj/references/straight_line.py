@@ -20,7 +20,9 @@ class StraightLine(PathReference):
     """
 
     kind: Literal["straight_line"] = "straight_line"
-    speed_m_s: float = Field(gt=0, le=100, description="speed along the line; typically 0.1 to 0.5")
+    speed_m_s: float = Field(
+        ge=1e-12, le=100, description="speed along the line; typically 0.1 to 0.5"
+    )
     start_m: Point = Field(default=(0.0, 0.0), description="the point (x, y) where the line begins")
     heading_rad: Angle = Field(default=0.0, description="direction of travel, from +x")
 

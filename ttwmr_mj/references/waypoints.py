@@ -39,7 +39,9 @@ class Waypoints(PathReference):
         Field(description="waypoints (x, y); neighbours must differ")
     )
     speed_m_s: float = Field(
-        gt=0, le=100, description="speed with respect to the chord length; typically 0.05 to 0.5"
+        ge=1e-12,
+        le=100,
+        description="speed with respect to the chord length; typically 0.05 to 0.5",
     )
     closed: bool = Field(
         default=False, description="whether the curve returns from the last point to the first"

@@ -35,51 +35,59 @@ class AcceptOptions(Config):
     )
     end_tractor_m: float = Field(
         default=0.05,
-        gt=0,
+        ge=1e-12,
+        le=1e6,
         description="largest distance of P from its reference in the last fifth of the run; "
         "typically 0.05, less than half the track width",
     )
     end_trailer_m: float = Field(
         default=0.05,
-        gt=0,
+        ge=1e-12,
+        le=1e6,
         description="the same of the trailer's COM; typically 0.05, a third of l",
     )
     end_theta2_rad: float = Field(
         default=0.2,
-        gt=0,
+        ge=1e-12,
+        le=1e6,
         description="largest error of θ2 in the last fifth of the run; typically 0.2: with P in "
         "place it moves the trailer's COM by 28 mm",
     )
     transient_tractor_m: float = Field(
         default=0.35,
-        gt=0,
+        ge=1e-12,
+        le=1e6,
         description="largest distance of P from its reference before that, offset of the start "
         "apart; typically 0.35, the robot's length",
     )
     transient_trailer_m: float = Field(
-        default=0.35, gt=0, description="the same of the trailer's COM; typically 0.35"
+        default=0.35, ge=1e-12, le=1e6, description="the same of the trailer's COM; typically 0.35"
     )
     transient_theta2_rad: float = Field(
         default=1.5,
-        gt=0,
+        ge=1e-12,
+        le=1e6,
         description="largest error of θ2 before the end; typically 1.5: at a right angle the "
         "trailer has fallen over",
     )
     settling_share: float = Field(
         default=0.5,
-        gt=0,
+        ge=1e-12,
         le=0.8,
         description="share of the time in which the offset of the start is worked off; "
         "typically 0.5, as the steady_* metrics begin there",
     )
     tilt_rad: float = Field(
         default=0.3,
-        gt=0,
+        ge=1e-12,
         le=1.6,
         description="largest tilt of the tractor against the floor's plane; typically 0.3",
     )
     height_m: float = Field(
-        default=0.02, gt=0, description="largest height of P above where it stands; typically 0.02"
+        default=0.02,
+        ge=1e-12,
+        le=1e6,
+        description="largest height of P above where it stands; typically 0.02",
     )
     airborne_share: float = Field(
         default=0.3,

@@ -12,17 +12,17 @@ class Tractor(Config):
     """The differential-drive tractor (Table I), chassis, wheels and caster together."""
 
     mass_kg: float = Field(
-        default=0.9, gt=0, le=1e3, description="m1: mass of the whole tractor; Table I: 0.9"
+        default=0.9, ge=1e-12, le=1e3, description="m1: mass of the whole tractor; Table I: 0.9"
     )
     yaw_inertia_kg_m2: float = Field(
         default=0.0035,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="J1: yaw inertia about the tractor's own COM; Table I: 0.0035",
     )
     com_offset_m: float = Field(
         default=0.029,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="a1: distance from P forward to the COM; Table I: 0.029",
     )
@@ -45,7 +45,7 @@ class Tractor(Config):
         description="mass of one wheel, included in m1; assumed: 0.03",
     )
     wheel_half_width_m: float = Field(
-        default=0.006, gt=0, le=1, description="half the width of a tyre; assumed: 0.006"
+        default=0.006, ge=1e-12, le=1, description="half the width of a tyre; assumed: 0.006"
     )
     wheel_shape: Literal["ellipsoid", "cylinder"] = Field(
         default="ellipsoid",
@@ -68,7 +68,7 @@ class Trailer(Config):
     )
     yaw_inertia_kg_m2: float = Field(
         default=0.00078,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="J2: yaw inertia about the trailer's own COM; Table I: 0.00078",
     )
@@ -87,7 +87,7 @@ class Trailer(Config):
     )
     next_hitch_offset_m: float | None = Field(
         default=None,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="distance from its hitch backward to the next trailer's hitch; required "
         "if another trailer follows",
@@ -172,13 +172,13 @@ class Casters(Config):
     )
     tractor_position_m: float = Field(
         default=0.075,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="distance from P forward to the tractor's caster; assumed: 0.075",
     )
     trailer_half_spacing_m: float = Field(
         default=0.05,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="distance from the trailer's axis to each of its casters; assumed: 0.05",
     )

@@ -28,22 +28,22 @@ class Servo(Config):
     )
     stall_torque_n_m: float = Field(
         default=1.62,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="largest torque of the servo (at stall); Section 4: 1.62",
     )
     speed_limit_rad_s: float = Field(
-        default=6.5, gt=0, le=1e3, description="largest wheel speed; default: the preset's"
+        default=6.5, ge=1e-12, le=1e3, description="largest wheel speed; default: the preset's"
     )
     acceleration_limit_rad_s2: float = Field(
         default=50.0,
-        gt=0,
+        ge=1e-12,
         le=1e5,
         description="largest rate of change of the speed setpoint; default: the preset's",
     )
     velocity_gain_n_m_s_rad: float = Field(
         default=10.0,
-        gt=0,
+        ge=1e-12,
         le=1e4,
         description="torque per rad/s of speed error, up to the stall torque; typically 10",
     )

@@ -19,7 +19,7 @@ class ControlOptions(Config):
     )
     controller_time_limit_s: float = Field(
         default=10.0,
-        gt=0,
+        ge=1e-12,
         le=3600,
         description="CPU time after which a command times out and the run ends as failed; "
         "a law that plans may take a second, several on a busy machine. The limit in wall time is "
@@ -27,7 +27,7 @@ class ControlOptions(Config):
     )
     controller_start_limit_s: float = Field(
         default=60.0,
-        gt=0,
+        ge=1e-12,
         le=86_400,
         description="the same for importing and making a law, and for starting it",
     )

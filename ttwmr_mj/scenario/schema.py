@@ -65,7 +65,7 @@ class Scenario(Config):
         description="seed of everything random: noise, camera, controller",
     )
     duration_s: float = Field(
-        gt=0, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
+        ge=1e-12, le=MAX_DURATION_S, description="simulated time; typically 10 to 60"
     )
     world: World = Field(
         default="kind",

@@ -36,7 +36,7 @@ class FrictionOptions(Config):
     )
     smoothing_rad_s: float = Field(
         default=0.05,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="ε, the hitch rate above which friction is taken as nearly full; "
         "typically 0.05",

@@ -71,7 +71,7 @@ class TrackingOptions(SteeringOptions):
     weights: TrackingWeights = TrackingWeights()
     disturbance_time_s: float = Field(
         default=DISTURBANCE_TIME_S,
-        gt=0,
+        ge=1e-12,
         le=1e4,
         description="time constant with which slip and an unexplained θ̈2 are assumed to "
         "decay; typically 10",

@@ -22,32 +22,32 @@ class ObserverOptions(Config):
     """
 
     position_std_m: float = Field(
-        default=2e-4, gt=0, le=1, description="measurement noise of x and y; typically 2e-4"
+        default=2e-4, ge=1e-12, le=1, description="measurement noise of x and y; typically 2e-4"
     )
     angle_std_rad: float = Field(
-        default=1e-3, gt=0, le=1, description="measurement noise of θ1 and θ2; typically 1e-3"
+        default=1e-3, ge=1e-12, le=1, description="measurement noise of θ1 and θ2; typically 1e-3"
     )
     velocity_std_m_s: float = Field(
-        default=0.01, gt=0, le=10, description="measurement noise of ẋ and ẏ; typically 0.01"
+        default=0.01, ge=1e-12, le=10, description="measurement noise of ẋ and ẏ; typically 0.01"
     )
     rate_std_rad_s: float = Field(
-        default=0.05, gt=0, le=100, description="measurement noise of θ̇1 and θ̇2; typically 0.05"
+        default=0.05, ge=1e-12, le=100, description="measurement noise of θ̇1 and θ̇2; typically 0.05"
     )
     creep_walk_m_s: float = Field(
         default=2e-3,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="random walk of the tyres' slip, per √s; typically 2e-3",
     )
     turn_creep_walk_rad_s: float = Field(
         default=5e-3,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="random walk of the heading's slip, per √s; typically 5e-3",
     )
     swing_walk_rad_s2: float = Field(
         default=0.05,
-        gt=0,
+        ge=1e-12,
         le=100,
         description="random walk of the unexplained θ̈2, per √s; typically 0.05",
     )

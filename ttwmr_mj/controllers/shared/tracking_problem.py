@@ -38,16 +38,16 @@ class TrackingWeights(Config):
 
     position_scale_m: float = Field(
         default=0.01,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="error of the trailer's centre of oscillation that costs 1; typically 0.01",
     )
     angle_scale_rad: float = Field(
-        default=0.2, gt=0, le=100, description="error of θ1 or θ2 that costs 1; typically 0.2"
+        default=0.2, ge=1e-12, le=100, description="error of θ1 or θ2 that costs 1; typically 0.2"
     )
     change_scale_rad_s: float = Field(
         default=0.5,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="change of a wheel command in one period that costs 1; typically 0.5",
     )

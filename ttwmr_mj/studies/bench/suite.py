@@ -98,7 +98,7 @@ class Suite(Config):
     )
     timeout_s: float = Field(
         default=300.0,
-        gt=0,
+        ge=1e-12,
         le=86_400,
         description="wall time after which a run is killed; several times that of a slow run",
     )

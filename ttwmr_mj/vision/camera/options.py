@@ -13,7 +13,8 @@ from ttwmr_mj.robot import Config, WhichTrailer
 T = TypeVar("T")
 # TOML has arrays where Python has tuples; their elements stay strict
 Several = Annotated[tuple[T, ...], Field(strict=False, max_length=1000)]
-Pair = Annotated[tuple[float, float], Field(strict=False)]
+Coordinate = Annotated[float, Field(ge=-1e4, le=1e4)]
+Pair = Annotated[tuple[Coordinate, Coordinate], Field(strict=False)]
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
 Radial = Annotated[float, Field(ge=-1, le=1)]
 Tangential = Annotated[float, Field(ge=-0.1, le=0.1)]
@@ -62,7 +63,7 @@ class Exposure(Config):
     )
     blur_step_px: float = Field(
         default=0.4,
-        gt=0,
+        ge=1e-12,
         le=10,
         description="motion blur is averaged over instants; largest motion between two of "
         "them; typically 0.4 to 0.8",
@@ -102,7 +103,7 @@ class Noise(Config):
     )
     drift_time_s: float = Field(
         default=5.0,
-        gt=0,
+        ge=1e-12,
         le=END_S,
         description="correlation time of the drifting gains; typically 5",
     )
@@ -134,7 +135,10 @@ class Occluder(Window):
         default=(1.0, 0.0), description="position (x, y) in the label plane at end_s"
     )
     diameter_m: float = Field(
-        default=0.25, gt=0, le=5, description="diameter of the disc; 0.16 covers one body's labels"
+        default=0.25,
+        ge=1e-12,
+        le=5,
+        description="diameter of the disc; 0.16 covers one body's labels",
     )
     grey: Share = Field(default=0.2, description="brightness of the disc: 0 black, 1 white")
 
@@ -147,7 +151,7 @@ class Glare(Window):
     )
     radius_px: float = Field(
         default=40.0,
-        gt=0,
+        ge=1e-12,
         le=1000,
         description="standard deviation of the spot's brightness profile; typically 40",
     )
@@ -167,7 +171,7 @@ class Distractor(Config):
     )
     position_m: Pair = Field(default=(0.7, 0.5), description="position (x, y) on the floor")
     diameter_m: float = Field(
-        default=0.036, gt=0, le=1, description="diameter of the disc; a label measures 0.036"
+        default=0.036, ge=1e-12, le=1, description="diameter of the disc; a label measures 0.036"
     )
 
 
@@ -226,8 +230,10 @@ class CameraOptions(Config):
     )
     width_px: Side = Field(default=640, description="image width; typically 640")
     height_px: Side = Field(default=480, description="image height; typically 480")
-    supersampling: Literal[1, 2, 3, 4, 5] = Field(
+    supersampling: int = Field(
         default=3,
+        ge=1,
+        le=5,
         description="rendered pixels per sensor pixel in each direction; rendering time grows "
         "with its square",
     )

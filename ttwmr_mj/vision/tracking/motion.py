@@ -25,6 +25,8 @@ ACCELERATION_TIME_S = 0.033  # the missing acceleration is taken as constant for
 # rad in the root of a second, far below what the deviations stir up
 POSITION_WALK, ANGLE_WALK = (2e-4, 2e-4), 1e-3
 
+MOST_VARIANCE = 1e4  # of m, rad and their rates: nothing is known; a trailer unseen is soon there
+
 State = tuple[float, ...]  # the few numbers of `Gaussian.mean`; faster than so small an array
 
 
@@ -119,6 +121,9 @@ class MotionModel:
         transition = self._transition(middle, ramp, duration_s)
         spread = transition @ covariance @ transition.T
         spread.flat[:: self.size + 1] += self._density * duration_s
+        if spread.diagonal().max() > MOST_VARIANCE:  # of each by itself, or all would seem known
+            cut = np.sqrt(np.minimum(1.0, MOST_VARIANCE / spread.diagonal()))
+            spread *= cut[:, None] * cut
         return np.asarray(0.5 * (spread + spread.T))
 
     def _transition(self, middle: State, ramp: TwistRamp, duration_s: float) -> FloatArray:

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from ttwmr_mj.robot import Config
 
-UpTo10 = Annotated[float, Field(gt=0, le=10)]
+UpTo10 = Annotated[float, Field(ge=1e-12, le=10)]
 
 
 class TrackerOptions(Config):
@@ -30,33 +30,33 @@ class TrackerOptions(Config):
     )
     turn_noise_rad_s: float = Field(
         default=0.02,
-        gt=0,
+        ge=1e-12,
         le=100,
         description="standard deviation of the yaw rate from the one commanded; typically 0.02",
     )
     noise_time_s: float = Field(
         default=0.3,
-        gt=0,
+        ge=1e-12,
         le=3600,
         description="correlation time of these two deviations; typically 0.3",
     )
     swing_noise_rad_s2: float = Field(
         default=0.5,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="standard deviation of the trailer's angular acceleration that the model "
         "does not explain; typically 0.5",
     )
     gate_chi2: float = Field(
         default=18.4,
-        gt=0,
+        ge=1e-12,
         le=1e3,
         description="largest squared normalised innovation of a label that is used; 18.4 "
         "rejects one good label in 10 000",
     )
     max_blind_s: float = Field(
         default=0.15,
-        gt=0,
+        ge=1e-12,
         le=60,
         description="time without labels after which the estimate is invalid; typically 0.15",
     )

@@ -9,7 +9,7 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
-from ttwmr_mj.dynamics.train import jacobians, links, on_trailers, swing_matrix
+from ttwmr_mj.dynamics.train import FASTEST_SWING_RAD_S, jacobians, links, on_trailers, swing_matrix
 from ttwmr_mj.dynamics.train import trailer_accelerations as accelerations
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -159,6 +159,7 @@ class TrainSwing:
         k4 = self._accelerations(glide + dt * half * k2, turn + dt * k3, end, u1_rate)
         angle = glide + dt * dt / 6.0 * (k1 + k2 + k3)
         turn = turn + dt / 6.0 * (k1 + 2.0 * (k2 + k3) + k4)
+        turn = np.clip(turn, -FASTEST_SWING_RAD_S, FASTEST_SWING_RAD_S)
         return tuple(angle.tolist()), tuple(turn.tolist())
 
     def slopes(

@@ -195,7 +195,7 @@ class Normal(Parameter):
 
     distribution: Literal["normal"]
     mean: float
-    std: float = Field(gt=0)
+    std: float = Field(ge=1e-12)
     low: float | None = None
     high: float | None = None
 
