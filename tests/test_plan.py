@@ -139,7 +139,10 @@ def test_a_table_with_names_or_without(tmp_path: Path) -> None:
     for text, problem in (
         ("a,b\n1,2\n", "there must be x_m and y_m"),
         ("1,2\n3\n", "a line is not two numbers"),
-        ("", "no finite points"),
+        ("", "no points can be read: there are none"),
+        ("0,0\nnan,1\n", "not every number is finite"),
+        ("0,0,0\n1,1,1\n", "3 columns without names; name two of them x_m and y_m"),
+        ("x_m,y_m,x_m\n1,2,3\n", "several columns x_m"),
         ("0,0\n1e308,1\n-1e308,1\n", "farther than 1,000 m"),
     ):
         path.write_text(text)
@@ -193,6 +196,11 @@ def test_a_drawing(tmp_path: Path) -> None:
         ('<path d="M"/>', "no two corners"),
         ('<polyline points="0,0 1e308,0 -1e308,1e999"/>', "farther than 1,000 m"),
         ("<rect/>", "no polyline"),
+        ('<polyline points="0cm,0cm 30cm,0cm"/>', "polyline has 'cm' where numbers should be"),
+        ('<path d="M0-0L3e2-100.5.5"/>', "path has 3 numbers after L, no pairs"),
+        ('<path d="M 0 0 L 1 1 M 5 5 L 6 6"/>', "several pieces"),
+        ('<path d="M 0 0 L 1 1 z L 6 6"/>', "several pieces"),
+        ('<path d="0 0 L 1 1"/>', "begins with '0 0', and must with M or m"),
     ):
         path.write_text(f'<svg xmlns="http://www.w3.org/2000/svg">{line}</svg>')
         with pytest.raises(InputError, match=problem):
@@ -245,6 +253,7 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
         *((["--duration", t], "allowed: 0.1 to 3600 s") for t in ("nan", "-1", "0", "1e300")),
         *((["--hitch-angle", a], "allowed: 0.1 to 180 degrees") for a in ("nan", "0", "1e9")),
         *((["--scale", m], "allowed: 1e-06 to 1000 m") for m in ("nan", "-0.001", "1e300")),
+        (["--scale", "0.01"], "is no .svg; a table is in metres"),
         (["--out", "no/such/plan.csv"], "--out: there is no folder no/such; make it first"),
         (["--out", "way.csv", "--force"], "way.csv, which it is made from"),
         (["--out", "./mine.csv", "--force", "--scenario", "mine.toml"], "mine.toml, which it is"),

@@ -3,12 +3,13 @@
 import csv
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, cut
 from ttwmr_mj.files import MOST_BYTES
 from ttwmr_mj.state import FloatArray
 
@@ -80,16 +81,22 @@ def _from_table(text: str) -> FloatArray:
         names = [name.strip() for name in rows[0]]
         if not {"x_m", "y_m"} <= set(names):
             raise ValueError(f"the columns are {', '.join(names)}; there must be x_m and y_m")
+        if twice := {name for name in ("x_m", "y_m") if names.count(name) > 1}:
+            raise ValueError(f"there are several columns {' and '.join(sorted(twice))}")
         columns = [names.index("x_m"), names.index("y_m")]
         rows = rows[1:]
     else:
         columns = [0, 1]
+        if rows and (width := max(map(len, rows))) > 2:
+            raise ValueError(f"it has {width} columns without names; name two of them x_m and y_m")
     try:
         points = np.array([[float(row[i]) for i in columns] for row in rows])
     except (ValueError, IndexError) as error:
         raise ValueError(f"a line is not two numbers, x and y: {error}") from error
-    if not len(points) or not np.isfinite(points).all():
-        raise ValueError("there are no finite points")
+    if not len(points):
+        raise ValueError("there are none")
+    if not np.isfinite(points).all():
+        raise ValueError("not every number is finite")
     return points
 
 
@@ -111,7 +118,7 @@ def _from_svg(text: str) -> tuple[FloatArray, bool]:
             outer = around.get(outer)
         if kind == "path":
             return _from_path(element.get("d", ""))
-        numbers = np.array([float(x) for x in NUMBER.findall(element.get("points", ""))])
+        numbers = np.array(_numbers(element.get("points", ""), kind))
         if numbers.size < 4 or numbers.size % 2:
             raise ValueError(f"its {kind} is not pairs of numbers")
         return numbers.reshape(-1, 2), kind == "polygon"
@@ -134,19 +141,24 @@ def _from_path(d: str) -> tuple[FloatArray, bool]:
     """Corners of a path of straight lines."""
     points: list[tuple[float, float]] = []
     at, closed = (0.0, 0.0), False
-    for letter, rest in COMMAND.findall(d):
-        numbers = [float(x) for x in NUMBER.findall(rest)]
+    if begin := COMMAND.sub("", d).strip():
+        raise ValueError(f"its path begins with {cut(begin)!r}, and must with M or m")
+    for number, (letter, rest) in enumerate(COMMAND.findall(d)):
+        numbers = _numbers(rest, "path")
         base = at if letter.islower() else (0.0, 0.0)
+        if closed or (number and letter in "mM"):
+            raise ValueError("its path has several pieces; leave one")
+        steps: list[tuple[float, float]] = []
         if letter in "zZ":
             closed = True
-            break
-        if letter in "hH":
+        elif letter in "hH":
             steps = [(base[0] + x, at[1]) for x in numbers]
         elif letter in "vV":
             steps = [(at[0], base[1] + y) for y in numbers]
         elif letter in "mMlL":
-            pairs = zip(numbers[::2], numbers[1::2], strict=False)
-            steps = _along(pairs, at, relative=letter.islower())
+            if len(numbers) % 2:
+                raise ValueError(f"its path has {len(numbers)} numbers after {letter}, no pairs")
+            steps = _along(zip(numbers[::2], numbers[1::2], strict=True), at, letter.islower())
         else:
             raise ValueError(f"its path has curves ({letter}); make it a line of straight pieces")
         points += steps
@@ -156,9 +168,18 @@ def _from_path(d: str) -> tuple[FloatArray, bool]:
     return np.array(points), closed
 
 
-def _along(pairs: object, at: tuple[float, float], *, relative: bool) -> list[tuple[float, float]]:
+def _numbers(text: str, kind: str) -> list[float]:
+    """All of a list, and nothing but numbers."""
+    if other := NUMBER.sub(" ", text).replace(",", " ").split():
+        raise ValueError(f"its {kind} has {cut(other[0])!r} where numbers should be")
+    return [float(x) for x in NUMBER.findall(text)]
+
+
+def _along(
+    pairs: Iterable[tuple[float, float]], at: tuple[float, float], relative: bool
+) -> list[tuple[float, float]]:
     points = []
-    for x, y in pairs:  # type: ignore[attr-defined]
+    for x, y in pairs:
         at = (at[0] + x, at[1] + y) if relative else (x, y)
         points.append(at)
     return points

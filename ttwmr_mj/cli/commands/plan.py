@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ttwmr_mj.planning.transcription import Limits
     from ttwmr_mj.robot import RobotParameters
 
+MM = 1e-3
 ITERATIONS = 100  # that a plan takes, more or less
 
 
@@ -49,7 +50,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         several=True,
     )
     hitch_angle: float = option("largest |θ2 − θ1|, of every hitch", 115.0, metavar="DEGREES")
-    scale: float = option("size of an .svg's unit", 1e-3, metavar="METRES")
+    scale: float = option("size of an .svg's unit", MM, metavar="METRES")
 
     def __call__(self) -> int:
         _need_casadi()
@@ -100,6 +101,10 @@ class PlanCommand(Overrides, Quiet, name="plan"):
                     allowed = f"width and height, each {allowed}"
                 got = " ".join(f"{value:g}" for value in values)
                 faults.append(Fault(key=(name,), got=got, allowed=allowed))
+        told = any(fault.key == ("--scale",) for fault in faults)
+        if self.scale != MM and self.points.suffix.lower() != ".svg" and not told:
+            problem = f"{self.points} is no .svg; a table is in metres"
+            faults.append(Fault(key=("--scale",), problem=problem))
         return faults
 
     def _faults_of_changes(self) -> list[Fault]:
