@@ -345,6 +345,12 @@ def test_a_truth_value_is_no_number() -> None:
         load_scenario("lab_circle_camera", ["sensing.camera.supersampling=true"])
 
 
+def test_what_stands_still_is_no_place_to_start() -> None:
+    still = ["reference.angular_rate_rad_s=0.0", 'controller={kind="feedforward"}']
+    with pytest.raises(InputError, match=r"initial.kind: .* stands still, and has no heading"):
+        load_scenario("outer_circle", still)
+
+
 def test_an_editor_can_say_what_each_key_of_these_tables_does() -> None:
     schema = Scenario.model_json_schema()
     tables = """Tractor Trailer Hitch Servo Casters RobotParameters AtRest OnReference

@@ -66,6 +66,29 @@ def test_what_the_scenario_gives_stays() -> None:
     assert longer.believed_robot.trailer.com_offset_m == 0.2
 
 
+def test_of_a_list_the_first_is_what_the_scenario_gives() -> None:
+    drawn = unkind(5)
+    ratio = drawn.robot.trailer.com_offset_m / Trailer().com_offset_m
+    listed = unkind(5, TRUTH, "robot.trailers=[{com_offset_m=0.2}]")
+    assert listed.robot.trailer.com_offset_m == pytest.approx(0.2 * ratio)
+    assert listed.believed_robot.trailer.com_offset_m == 0.2
+    rough = load_scenario(TRUTH, ["world=lab", "robot.hitches=[{coulomb_friction_n_m=0.002}]"])
+    assert rough.robot.hitch.coulomb_friction_n_m == 0.002
+
+
+def test_a_presets_robot_stays_that_robot() -> None:
+    drawn, usual = unkind(5, "outdoor_circle"), load_scenario("outdoor_circle").robot
+    for believed, true, told in (
+        (drawn.believed_robot.tractor.wheel_radius_m, drawn.robot.tractor.wheel_radius_m)
+        + (usual.tractor.wheel_radius_m,),
+        (drawn.believed_robot.trailer.com_offset_m, drawn.robot.trailer.com_offset_m)
+        + (usual.trailer.com_offset_m,),
+    ):
+        assert believed == told
+        assert true != told
+        assert true == pytest.approx(told, rel=worlds.LENGTH_SHARE)
+
+
 def test_draws_stay_in_their_ranges_and_reach_far_into_them() -> None:
     many = [unkind(seed) for seed in range(200)]
     kind = load_scenario(TRUTH).robot

@@ -300,9 +300,18 @@ def _controller(scenario: Scenario) -> list[Fault]:
     try:
         path = _path(scenario)
         faults = law_faults(scenario.controller, scenario.reference, path)
-        return [*faults, *_too_far(path)]
+        return [*faults, *_too_far(path), *_undefined_start(scenario, path)]
     except InputError as error:  # of another package's
         return list(error.faults)
+
+
+def _undefined_start(scenario: Scenario, path: ReferencePath | None) -> Iterable[Fault]:
+    """What stands still has no heading."""
+    if path is None or scenario.initial.kind != "on_reference":
+        return
+    if np.isnan([path.theta[0, 0, 0], path.theta_rate[0, 0, 0]]).any():
+        problem = "at its start the reference stands still, and has no heading"
+        yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
 
 
 def _too_far(path: ReferencePath | None) -> Iterable[Fault]:

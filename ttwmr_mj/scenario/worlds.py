@@ -12,11 +12,14 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.robot import Tractor, Trailer
+from ttwmr_mj.robot import RobotParameters
 
 World = Literal["kind", "lab", "unkind"]
 Table = dict[str, Any]
 PERIOD_S = 0.033  # control.sampling_time_s, where it is left out
+
+
+LISTS = {"trailer": "trailers", "hitch": "hitches"}
 
 
 class Known(NamedTuple):
@@ -159,7 +162,9 @@ class _Filling:
         self._add("robot.hitch.coulomb_friction_n_m", DRY_N_M * dry, 0.0)
         longer = 1.0 + LENGTH_SHARE * (2.0 * length - 1.0)
         larger = 1.0 + RADIUS_SHARE * (2.0 * radius - 1.0)
-        com, wheel = Trailer().com_offset_m, Tractor().wheel_radius_m
+        outdoors = self._at("robot.preset") == "outdoor"
+        usual = RobotParameters.model_validate({"preset": "outdoor"} if outdoors else {})
+        com, wheel = usual.trailer.com_offset_m, usual.tractor.wheel_radius_m
         self._change("robot.trailer.com_offset_m", com, lambda told: told * longer)
         self._change("robot.tractor.wheel_radius_m", wheel, lambda told: told * larger)
         period = self._number("control.sampling_time_s", PERIOD_S)
@@ -205,11 +210,21 @@ class _Filling:
         return float(value) if isinstance(value, int | float) else usual
 
     def _at(self, key: str) -> Any:
-        """What the scenario gives; None if nothing, or not in tables."""
+        """What the scenario gives; None if nothing, or not in tables.
+
+        The first trailer and hitch may be given by themselves, or first in their lists.
+        """
         place: Any = self._given
         for part in key.split("."):
-            place = place.get(part) if isinstance(place, dict) else getattr(place, part, None)
+            if isinstance(place, dict):
+                place = place.get(part, _first(place.get(LISTS.get(part, ""))))
+            else:
+                place = getattr(place, part, None)
         return place
+
+
+def _first(items: Any) -> Any:
+    return items[0] if isinstance(items, list | tuple) and items else None
 
 
 def _copied(table: Table) -> Table:

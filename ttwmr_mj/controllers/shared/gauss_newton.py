@@ -155,6 +155,9 @@ def lqr(
         command: (n, batch, 2).
         decay: (lasting,) factor by which disturbances fall in a period.
         disturbance: (batch, width) of the plan; None: none.
+
+    Raises:
+        numpy.linalg.LinAlgError: there are no gains that are numbers.
     """
     if disturbance is None:
         disturbance = np.zeros(problem.width)
@@ -173,7 +176,11 @@ def lqr(
         np.zeros((batch, size, size)),
         np.zeros((batch, size)),
     )
-    return backward(A, B, by_state, problem.residual_by_command, exact, end, slope)
+    with np.errstate(all="ignore"):  # what overflows is told
+        found = backward(A, B, by_state, problem.residual_by_command, exact, end, slope)
+    if not np.isfinite(found.cost).all():
+        raise np.linalg.LinAlgError("they overflow")
+    return found
 
 
 def decay(time_s: float, period_s: float, lasting: int) -> FloatArray:
