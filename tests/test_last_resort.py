@@ -123,6 +123,13 @@ def test_counts_are_whole_and_positive(
         (OSError("odd"), 1, "odd"),
         (MemoryError(), 1, "out of memory"),
         (RecursionError("deep"), 2, "nested too deeply"),
+        (ModuleNotFoundError("No module", name="cv2.x"), 2, "cv2 is missing; `ttwmr doctor` says"),
+        (ImportError("libGL.so.1", name="cv2"), 2, "cv2 cannot be imported: libGL.so.1; `ttwmr"),
+        (
+            ImportError("no name", name="ttwmr_mj.cli"),
+            1,
+            "unexpected ImportError: no name; --debug",
+        ),
         (KeyboardInterrupt(), 1, "stopped"),
         (ZeroDivisionError("a\nb"), 1, "unexpected ZeroDivisionError: a; --debug"),
     ],

@@ -194,6 +194,12 @@ def _meaning(error: BaseException) -> tuple[str, int]:
         case UnicodeEncodeError():
             hint = "set LC_ALL=C.UTF-8"
             return f"this locale cannot name {ascii(error.object)[:80]}; {hint}", WRONG
+        case ImportError() if not strangers and not _is_ours(error):
+            what = "is missing" if isinstance(error, ModuleNotFoundError) else "cannot be imported"
+            name = (error.name or "a library").partition(".")[0]
+            text = "" if isinstance(error, ModuleNotFoundError) else f": {cut(str(error), 300)}"
+            hint = "`ttwmr doctor` says what there is; installing this package again brings it back"
+            return f"{name} {what}{text}; {hint}", WRONG
         case RecursionError() if not strangers:  # a law may have lowered the limit
             return "the input is nested too deeply", WRONG
         case MemoryError():
@@ -204,6 +210,11 @@ def _meaning(error: BaseException) -> tuple[str, int]:
         report = "if it happens without that, too, please report it"
         return f"unexpected {words}; {suspect}; {report}; --debug shows where", FAILED
     return f"unexpected {words}; --debug shows where, please report it", FAILED
+
+
+def _is_ours(error: ImportError) -> bool:
+    """Whether it is a module of this package that is missing."""
+    return (error.name or "").partition(".")[0] == __name__.partition(".")[0]
 
 
 def stranger_in_process() -> str:
