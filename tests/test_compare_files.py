@@ -172,3 +172,17 @@ def test_one_progress_bar_is_split_over_the_parts() -> None:
     for part in study._parts(None, 1):
         assert part is not None
         part(0.5)  # nobody looks
+
+
+def test_a_run_in_which_nothing_moves_is_no_fault(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    segment = "controller.segments=[{duration_s=0.3,wheel_right_rad_s=0,wheel_left_rad_s=0}]"
+    words = ["compare", "open_loop_turn", "--no-attribution", "--quiet", "--set", segment]
+    words += ["--set", "duration_s=0.3", "--set", "output.figures=false"]
+    assert main([*words, "--converge", "--out", str(tmp_path / "a")]) == 0
+    study = json.loads((tmp_path / "a" / "compare.json").read_text())["convergence"]
+    assert study["position_deviation_per_path"] == [None] * 4
+    assert study["order"]["position_deviation_per_path"] is None
+    assert main([*words, "--fit", "--out", str(tmp_path / "b")]) == 1
+    assert "nothing can be fitted to open_loop_turn" in capsys.readouterr().err

@@ -5,6 +5,7 @@ gain are those of the scenario divided by 2^j. Hitch and wheel shape stay. The o
 deviation falls, as (step)^p; what is left at a level is about (deviation of the level before)/2^p.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -34,7 +35,10 @@ class Convergence:
 
     def as_json(self) -> dict[str, Any]:
         """Plain data with the unit in the keys."""
-        columns = {name: values.tolist() for name, values in self.deviations.items()}
+        columns = {
+            name: [value if math.isfinite(value) else None for value in values.tolist()]
+            for name, values in self.deviations.items()
+        }
         return {"timestep_s": self.timestep_s.tolist(), **columns, "order": self.orders}
 
 

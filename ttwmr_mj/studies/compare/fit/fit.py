@@ -25,7 +25,7 @@ from scipy.special import stdtrit
 
 from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.errors import RunError
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
@@ -143,7 +143,14 @@ class _Search:
         self._true, self._progress, self._evaluations = run.trajectory.q[:, 0], progress, 0
         self._name = run.scenario.name
         plain = replay_analytic(run.scenario, run.commands).q[:, 0]
-        self._weight = 1.0 / np.sqrt(np.mean((self._true - plain) ** 2, axis=0))
+        apart = np.sqrt(np.mean((self._true - plain) ** 2, axis=0))
+        if not (apart > 0.0).all():
+            names = ", ".join(q_names(len(apart)))
+            raise RunError(
+                f"nothing can be fitted to {self._name}: its model and its physics do not differ "
+                f"in every one of {names}; drive a longer way, with turns"
+            )
+        self._weight = 1.0 / apart
         self._pull = np.eye(len(SCALES)) / EXPECTED_WITHIN
         self._shooting = Shooting(run)
         self._shoot = functools.lru_cache(maxsize=2)(self._evaluate)
