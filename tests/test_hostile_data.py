@@ -206,8 +206,8 @@ class Kinds:
         file.write_bytes(mutated_bytes(self.video, rng))
 
         def read() -> None:
-            with open_footage(str(file), CAMERA) as frames:
-                for frame, _ in zip(frames, range(20), strict=False):
+            with open_footage(str(file), CAMERA) as footage:
+                for frame, _ in zip(footage.frames, range(20), strict=False):
                     assert frame.image.shape == (48, 64, 3)
                     assert np.isfinite(frame.time_s)
 

@@ -40,12 +40,21 @@ def test_what_is_missing_is_named_with_how_to_install_it(
         machine, "probe", lambda _: SimpleNamespace(renderer=None, fault="no display")
     )
     absent = {"numpy", "tqdm", "casadi"}
+
+    def imported(name: str) -> None:
+        if name in ("cv2", "sympy"):
+            raise ImportError(f"lib{name}.so.1")
+
+    monkeypatch.setattr(machine, "import_module", imported)
     monkeypatch.setattr(machine, "library_version", lambda name: None if name in absent else "1.0")
     assert main(["doctor"]) == 1
     lines = capsys.readouterr().out.splitlines()
     assert "  numpy                    MISSING" in lines
     assert "  mujoco                   1.0" in lines
-    assert "  install them: pip install numpy tqdm" in lines
+    assert "  opencv-python-headless CANNOT BE IMPORTED: ImportError: libcv2.so.1" in lines
+    assert "  install them: pip install numpy opencv-python-headless tqdm" in lines
+    wrong = "  reproduce   sympy          1.0, but cannot be imported: ImportError: libsympy.so.1"
+    assert wrong in lines
     assert "  planning    casadi         missing: pip install 'ttwmr-mj[planning]'" in lines
     assert "  video       imageio-ffmpeg 1.0" in lines
     assert "  camera frames: no" in lines

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -134,6 +135,22 @@ def test_a_source_that_is_not_tracked_to_its_end_is_no_success(
 
 
 @pytest.mark.slow
+def test_a_video_that_is_cut_off_is_no_success(
+    video: tuple[Path, Trajectory], tmp_path: Path
+) -> None:
+    whole = video[0].read_bytes()
+    (tmp_path / "half.avi").write_bytes(whole[: len(whole) // 2])
+    words = ["track", "half.avi", "--calibration", str(CALIBRATION), "--out", "out"]
+    done = ttwmr(*words, cwd=tmp_path)
+    assert done.returncode == 1
+    said = re.search(r"ended after (\d+) of (\d+) frames", done.stderr)
+    assert said is not None, done.stderr
+    count, promised = map(int, said.groups())
+    assert 0 < count < promised
+    assert pq.read_table(tmp_path / "out" / "poses.parquet").num_rows == count
+    assert ttwmr(*words, "--frames", "2", "--force", cwd=tmp_path).returncode == 0
+
+
 def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
     done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -171,6 +188,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
         ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
+        ("", ["calibrate", "--board", "b.png", "--images", "x"], "give --images by itself"),
     ],
 )
 def test_bad_input_is_exit_code_2_with_what_to_do(

@@ -1,14 +1,18 @@
 """What a script or a notebook calls: simulate, run, compare. The package's root offers them."""
 
+from numbers import Integral
 from pathlib import Path
 
 from ttwmr_mj.controllers.base import Controller
+from ttwmr_mj.errors import InputError, shown
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import results_folder
 from ttwmr_mj.runs.new_folder import new_folder
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.pair import run_pair as compare
+
+MOST_SIMULATIONS = 100_000  # of one batch: more do not fit into memory
 
 __all__ = ["compare", "run", "simulate"]
 
@@ -18,7 +22,7 @@ def simulate(
     nsim: int = 1,
     *,
     controller: Controller | None = None,
-    scenario_folder: Path | None = None,
+    scenario_folder: Path | str | None = None,
 ) -> Result:
     """Run a scenario in memory; nothing is written.
 
@@ -31,15 +35,22 @@ def simulate(
     Raises:
         InputError: the scenario cannot be built.
     """
-    return Experiment(scenario, scenario_folder, nsim, controller).run()
+    _require_scenario(scenario)
+    if not isinstance(nsim, Integral) or not 1 <= nsim <= MOST_SIMULATIONS:
+        raise InputError.at("nsim", got=repr(nsim), allowed=f"1 to {MOST_SIMULATIONS:,}")
+    if controller is not None and not isinstance(controller, Controller):
+        raise InputError.at(
+            "controller", got=shown(controller), allowed="an instance of a Controller"
+        )
+    return Experiment(scenario, _folder(scenario_folder), nsim, controller).run()
 
 
 def run(
     scenario: Scenario,
-    out: Path | None = None,
+    out: Path | str | None = None,
     *,
     force: bool = False,
-    scenario_folder: Path | None = None,
+    scenario_folder: Path | str | None = None,
 ) -> Run:
     """Run a scenario and leave a run folder, as `ttwmr run` does.
 
@@ -52,6 +63,18 @@ def run(
     Raises:
         InputError: the scenario cannot be built, or the folder is not empty or in use.
     """
-    folder = out or results_folder(scenario.name, scenario.seed)
+    _require_scenario(scenario)
+    folder = results_folder(scenario.name, scenario.seed) if out is None else Path(out)
     with new_folder(folder, force):
-        return run_scenario(scenario, folder, scenario_folder=scenario_folder)
+        return run_scenario(scenario, folder, scenario_folder=_folder(scenario_folder))
+
+
+def _require_scenario(given: object) -> None:
+    """Scripts are not checked for types; a name in the place of a scenario is easily written."""
+    if not isinstance(given, Scenario):
+        hint = "tt.load_scenario reads one by its name or file"
+        raise InputError.at("scenario", got=shown(given), allowed="a Scenario", hint=hint)
+
+
+def _folder(given: Path | str | None) -> Path | None:
+    return None if given is None else Path(given)

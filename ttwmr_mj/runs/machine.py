@@ -4,9 +4,11 @@ import ctypes.util
 import os
 import platform
 import re
+from importlib import import_module
 from importlib.metadata import requires, version
 from pathlib import Path
 
+from ttwmr_mj.errors import cut, described
 from ttwmr_mj.recording.viewer import display
 from ttwmr_mj.runs.folder import library_version
 from ttwmr_mj.vision.camera.gl import ANY, BACKENDS, DEBIAN_PACKAGES, asked_backend, probe
@@ -18,6 +20,7 @@ EXTRAS = {
     "video": "imageio-ffmpeg",
     "cluster": "distributed",
 }
+MODULES = {"opencv-python-headless": "cv2", "rerun-sdk": "rerun"}  # not called like them
 VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 
 
@@ -27,10 +30,12 @@ def examine() -> tuple[str, bool]:
     Rendering and the viewer are optional: their absence is reported, but is not a failure.
     """
     versions = {name: library_version(name) for name in _required()}
-    missing = [name for name, found in versions.items() if found is None]
+    broken = {name: fault for name in versions if versions[name] and (fault := _fault_of(name))}
+    missing = [name for name, found in versions.items() if found is None or name in broken]
     python = f"Python {platform.python_version()}, {platform.platform()}"
     lines = [f"ttwmr-mj {version('ttwmr-mj')}, {python}", f"processors: {os.cpu_count()}", ""]
     lines += ["Libraries", *(f"  {n:24s} {found or 'MISSING'}" for n, found in versions.items())]
+    lines += [f"  {name} CANNOT BE IMPORTED: {fault}" for name, fault in broken.items()]
     if missing:
         lines.append(f"  install them: pip install {' '.join(missing)}")
     lines += ["", "Extras, each for what it is named after", *_extras()]
@@ -48,11 +53,24 @@ def _required() -> list[str]:
     return [re.split(r"[<>=!~ ;\[]", line, maxsplit=1)[0] for line in wanted]
 
 
+def _fault_of(name: str) -> str:
+    """Why an installed distribution cannot be imported; empty if it can."""
+    try:
+        import_module(MODULES.get(name, name.replace("-", "_")))
+    except Exception as error:  # a library that is damaged may raise anything
+        return cut(described(error).splitlines()[0])
+    return ""
+
+
 def _extras() -> list[str]:
     """What the user's extras bring, and how to install those that are missing."""
     lines = []
     for extra, name in EXTRAS.items():
-        found = library_version(name) or f"missing: pip install 'ttwmr-mj[{extra}]'"
+        found = library_version(name)
+        if found is None:
+            found = f"missing: pip install 'ttwmr-mj[{extra}]'"
+        elif fault := _fault_of(name):
+            found = f"{found}, but cannot be imported: {fault}"
         lines.append(f"  {extra:11s} {name:14s} {found}")
     return lines
 

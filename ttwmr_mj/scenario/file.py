@@ -51,7 +51,7 @@ def _near(path: Path, shipped: list[str]) -> str:
 
 
 def load_scenario(
-    name_or_path: str,
+    name_or_path: str | Path,
     overrides: list[str] | None = None,
     seed: int | None = None,
     fragment: Path | None = None,
@@ -67,7 +67,7 @@ def load_scenario(
     Raises:
         InputError: with every fault of the file in one message.
     """
-    path = find_scenario(name_or_path)
+    path = find_scenario(str(name_or_path))
     data, source = read_scenario(path), str(path)
     if fragment is not None:
         data, source = merged(data, read_scenario(fragment)), f"{path} with {fragment}"

@@ -4,7 +4,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count, pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import cv2
 import numpy as np
@@ -19,6 +19,7 @@ from ttwmr_mj.vision.quiet import quiet
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
 MOST_RATE_HZ = 1e5  # no camera's: a damaged header's
 MOST_S = 1e6  # eleven days
+MISCOUNTED = 0.05
 MOST_BYTES = 100_000_000  # of annotations: those of 50,000 frames
 
 
@@ -35,8 +36,19 @@ class _Annotations(BaseModel):
     images: Annotated[list[_Picture], FailFast()]  # of a damaged one not a million faults
 
 
+class Footage(NamedTuple):
+    """What a source holds."""
+
+    frames: Iterator[Frame]
+    promised: int  # how many there should be; 0: the source does not say
+
+    def is_cut_off(self, count: int) -> bool:
+        """Whether frames are missing at the end; containers miscount by a few."""
+        return count < (1.0 - MISCOUNTED) * self.promised - 1.0
+
+
 @contextmanager
-def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
+def open_footage(source: str, camera: CameraModel) -> Iterator[Footage]:
     """The frames of a source; the calibration must fit them.
 
     Args:
@@ -48,7 +60,7 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         InputError: it cannot be opened, or has another resolution than the calibrated camera.
     """
     if Path(source).is_dir():
-        yield _pictures(Path(source), camera)
+        yield Footage(_pictures(Path(source), camera), 0)
         return
     if not source.isdecimal() and not Path(source).is_file():
         missing = Fault(
@@ -69,7 +81,8 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
         _refuse_unlike(width, height, camera, source)
-        yield _frames(stream)
+        promised = stream.get(cv2.CAP_PROP_FRAME_COUNT)
+        yield Footage(_frames(stream), int(promised) if 0 < promised < MOST_RATE_HZ * MOST_S else 0)
     finally:
         stream.release()
 

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Overrides
+from ttwmr_mj.errors import InputError
 
 
 class Calibrate(Overrides, name="calibrate"):
@@ -25,6 +26,9 @@ class Calibrate(Overrides, name="calibrate"):
         from ttwmr_mj.vision.calibration.file import save_calibration
 
         if self.board is not None:
+            if self.images is not None:
+                problem = "writes the board only; give --images by itself"
+                raise InputError.at("--board", problem)
             write_board(self.board)
             return 0
         if self.images is not None:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, RunError
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.mjcf import build_model
@@ -65,6 +65,7 @@ def track(
 
     Raises:
         InputError: the video or the calibration cannot be used.
+        RunError: the video ends early; what there is of it is tracked.
         KeyboardInterrupt: it was stopped; the frames until then are tracked. A camera's stream ends
             so, without an error.
     """
@@ -80,7 +81,8 @@ def track(
         open_footage(source, camera) as footage,
         TrackRecorder(folder / "track.rrd", source, camera, layout, live) as recorder,
     ):
-        wanted = (frame for frame in islice(footage, max_frames) if pace.hold(frame.time_s))
+        frames = islice(footage.frames, max_frames)
+        wanted = (frame for frame in frames if pace.hold(frame.time_s))
         try:
             while records := [_tracked(tracker, frame) for frame in islice(wanted, batch)]:
                 recorder.append(records)
@@ -89,7 +91,12 @@ def track(
                     progress(float(len(rows)))
         except KeyboardInterrupt:
             stopped = True
-    return _kept(rows, folder, source, stopped)
+    done = _kept(rows, folder, source, stopped)
+    if max_frames is None and not stopped and footage.is_cut_off(done.frames):
+        count = f"{done.frames} of {footage.promised} frames"
+        problem = f"ended after {count}, damaged or cut off; what was tracked is in {folder}"
+        raise RunError(f"{source}: {problem}")
+    return done
 
 
 def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: bool) -> Track:
