@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 from recordings import Recording, recorder
 
 from ttwmr_mj.recording.blueprint import _overhead_eye
+from ttwmr_mj.recording.camera_view import CameraView
 from ttwmr_mj.recording.layout import following_eye
 
 NAN = np.full(2, np.nan)
@@ -91,6 +93,25 @@ def test_labels_that_are_hidden_are_named_where_they_must_be(read: Recording) ->
     assert [time_ns for time_ns, _ in points] == [HALF_S]
     assert points[0][1] == [[102.0, 0.0]]
     assert names[0][1] == ["tractor rear"]
+
+
+@pytest.mark.parametrize(
+    ("missing", "texts"),
+    [
+        ([], []),
+        ([1], ["tractor rear"]),
+        ([1, 2], ["tractor rear, trailer front", ""]),
+        ([0, 1, 2], ["3 labels not found", "", ""]),
+        ([0, 1, 2, 3], ["no label found", "", "", ""]),
+    ],
+)
+def test_names_of_hidden_labels_do_not_cover_each_other(
+    missing: list[int], texts: list[str]
+) -> None:
+    """Side by side in a panel of a few hundred pixels they would."""
+    names = ["tractor front", "tractor rear", "trailer front", "trailer rear"]
+    view: Any = SimpleNamespace(_names=names)
+    assert CameraView._named(view, np.isin(np.arange(4), missing)) == texts
 
 
 def test_boxes_are_where_labels_were_looked_for(read: Recording) -> None:

@@ -10,7 +10,7 @@ import rerun as rr
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.layout import PICTURE
 from ttwmr_mj.recording.series import StateLog, time_column
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -20,6 +20,7 @@ from ttwmr_mj.vision.tracking.estimate import Sighting, Status
 
 FRAME = "frame"  # beside what is drawn over it
 JPEG_QUALITY = 60  # the sensor's noise makes pictures large: 20 KiB at 60, 34 KiB at 80
+MOST_NAMED = 2  # labels that are not found: more names are wider than a small panel
 ELLIPSE_SIGMAS = 3.0
 ELLIPSE_SCALE = 50.0  # a standard deviation of 0.1 mm is 0.03 pixels: nothing to see at true size
 ANGLE = np.linspace(0.0, 2.0 * np.pi, 33)
@@ -115,17 +116,29 @@ class CameraView:
             self._send("search", times_s, columns.partition(counts))
 
     def _hidden(self, records: Sequence[CameraRecord]) -> None:
-        """By name, the labels that were not found, where the tracker takes them to be."""
+        """The labels that were not found, where the tracker takes them to be.
+
+        The first of a picture names them all: names side by side would cover each other.
+        """
         if not records:
             return
         found = [r.sighting.found_px for r in records if r.sighting is not None]
         missing = ~np.isfinite(np.stack(found)[..., 0])
         q = np.stack([record.estimate.q for record in records])
         places = self._camera.project(self._layout.centres_m(q))[missing]
-        names = [self._names[label] for label in np.nonzero(missing)[1].tolist()]
+        names = [text for row in missing for text in self._named(row)]
         columns = rr.Points2D.columns(positions=places, labels=names)
         times_s = [record.time_s for record in records]
         self._send("hidden", times_s, columns.partition(missing.sum(axis=1)))
+
+    def _named(self, missing: BoolArray) -> list[str]:
+        """A text for every label that is missing in a picture."""
+        names = [self._names[label] for label in np.nonzero(missing)[0].tolist()]
+        if len(names) > MOST_NAMED:
+            names[0] = "no label found" if missing.all() else f"{len(names)} labels not found"
+        else:
+            names[:1] = [", ".join(names)] if names else []
+        return [*names[:1], *[""] * (len(names) - 1)]
 
     def _points(self, name: str, times_s: list[float], points: Sequence[FloatArray]) -> None:
         if points:
