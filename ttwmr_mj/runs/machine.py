@@ -20,7 +20,12 @@ EXTRAS = {
     "video": "imageio-ffmpeg",
     "cluster": "distributed",
 }
-MODULES = {"opencv-python-headless": "cv2", "rerun-sdk": "rerun"}  # not called like them
+# what they are imported as; MuJoCo by our own door, past what lies in the working directory
+MODULES = {
+    "mujoco": "ttwmr_mj.plants.engine",
+    "opencv-python-headless": "cv2",
+    "rerun-sdk": "rerun",
+}
 VULKAN_DRIVERS = (Path("/usr/share/vulkan/icd.d"), Path("/etc/vulkan/icd.d"))
 
 
