@@ -56,10 +56,7 @@ class RrdFile:
             self._stream.set_log_time_enabled(False)
             try:
                 self._outlet = Outlet(path)
-            except (
-                FileNotFoundError,
-                NotADirectoryError,
-            ) as error:  # it was there when the run began
+            except (FileNotFoundError, NotADirectoryError) as error:
                 raise RunError(f"{path.parent}: the folder is gone") from error
             except OSError as error:
                 raise InputError(

@@ -20,10 +20,9 @@ LOOPBACK = "127.0.0.1"
 WEB_PORT, GRPC_PORT = 9090, 9876  # rerun's own; others where these are taken
 PROGRAMS = ("Rerun.app/Contents/MacOS/Rerun", "rerun.exe", "rerun")
 ANSWER_S = 5.0
-HTTP_2, SETTINGS = (
-    b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n",
-    bytes([0, 0, 0, 4, 0, 0, 0, 0, 0]),
-)  # RFC 9113
+# how HTTP/2 begins (RFC 9113): a client with both, a server with settings
+HTTP_2 = b"PRI * HTTP/2.0\r\n\r\nSM\r\n\r\n"
+SETTINGS = bytes([0, 0, 0, 4, 0, 0, 0, 0, 0])
 # the oldest data go where there is more
 SERVER_MEMORY, WINDOW_MEMORY = "1GB", "2GB"
 WAYS = "auto, web, or the address of a viewer that runs, such as rerun+http://127.0.0.1:9876/proxy"
