@@ -162,7 +162,10 @@ def test_a_stopped_process_of_a_law_can_be_ended(tmp_path: Path) -> None:
         while time.monotonic() < until_s and not _stopped(children.read_text().split()):
             time.sleep(0.05)
         run.terminate()
-        _, said = run.communicate(timeout=30.0)
+        try:
+            _, said = run.communicate(timeout=30.0)
+        finally:
+            run.kill()  # its child goes with it
     assert run.returncode == 1
     assert "stopped" in said
 
