@@ -14,6 +14,7 @@ from drawn import drawn, labels
 from trajectories_of_figures import ROBOT, circle_run
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.figures.canvas import canvas, panel_grid
 from ttwmr_mj.figures.run import write_run_figures
 from ttwmr_mj.results.trajectory import Trajectory
 
@@ -178,3 +179,16 @@ def test_several_simulations_are_refused(run: Trajectory, tmp_path: Path) -> Non
 def test_importing_the_module_does_not_import_matplotlib() -> None:
     code = "import sys, ttwmr_mj.figures.run; sys.exit('matplotlib' in sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize(("count", "columns"), [(5, 3), (6, 3), (2, 2), (1, 1)])
+def test_the_lowest_panel_of_every_column_has_numbers(count: int, columns: int) -> None:
+    with canvas() as figure:
+        grid = panel_grid(figure, count, columns, "x [m]")
+        figure.draw_without_rendering()
+        for column in grid.T:
+            seen = [axes for axes in column if axes.get_visible()]
+            numbered = [axes.xaxis.get_tick_params()["labelbottom"] for axes in seen]
+            assert numbered == [False] * (len(seen) - 1) + [True]
+            assert [axes.get_xlabel() for axes in seen] == [""] * (len(seen) - 1) + ["x [m]"]
+    assert sum(axes.get_visible() for axes in grid.flat) == count

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import logging
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from numpy.typing import NDArray
 
 from ttwmr_mj.figures.style import DPI, SIZE_IN, STYLE
 from ttwmr_mj.files import variable, written
@@ -95,6 +98,21 @@ def stacked(
         axes.margins(x=0.01)
     rows[-1].set_xlabel("time [s]")
     figure.align_ylabels()
+
+
+def panel_grid(figure: Figure, count: int, columns: int, x_label: str) -> NDArray[Any]:
+    """Axes (rows, columns) at one scale, the first `count` of them seen.
+
+    The lowest of each column have label and numbers on x, those above a gap in the last row too.
+    """
+    rows = math.ceil(count / columns)
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axes in grid.flat[count:]:
+        axes.set_visible(False)
+    for axes in grid.flat[max(0, count - columns) : count]:
+        axes.tick_params(labelbottom=True)
+        axes.set_xlabel(x_label)
+    return grid
 
 
 def legend_below(figure: Figure, columns: int = 3, axes: Axes | None = None) -> None:

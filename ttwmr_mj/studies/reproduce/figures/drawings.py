@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.figures.canvas import canvas, legend_below, save, time_axes
+from ttwmr_mj.figures.canvas import canvas, legend_below, panel_grid, save, time_axes
 from ttwmr_mj.figures.style import BAND, GREEN, ORANGE, REFERENCE, SKY, TRACTOR, TRAILER, VERMILION
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
@@ -47,12 +46,8 @@ def _draw_paths(body: str) -> Callable[..., None]:
 
     def drawer(figure: Figure, wanted: FigureSpec, evidence: Evidence) -> None:
         shown = [(panel.title, *run) for panel in wanted.panels for run in panel.runs]
-        columns = 2 if len(shown) <= 4 else 4
-        rows = math.ceil(len(shown) / columns)
-        figure.set_size_inches(WIDTH_IN, 0.6 + rows * (0.3 + WIDTH_IN / columns))
-        grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-        for axes in grid.flat[len(shown) :]:
-            axes.set_visible(False)
+        columns = 2 if len(shown) <= 4 else 3 if len(shown) <= 6 else 4
+        grid = panel_grid(figure, len(shown), columns, "x [m]")
         for axes, (law, run, label) in zip(grid.flat, shown, strict=False):
             trajectory, robot = evidence.trajectory(run), evidence.robot(run)
             reference = path(trajectory.ref_q[:, 0], robot)
@@ -66,10 +61,11 @@ def _draw_paths(body: str) -> Callable[..., None]:
             axes.plot(*line[0], "o", color=colour, markeredgecolor="white", markersize=5)
             axes.set_aspect("equal")
             axes.set_title(f"{law},\n{label}")
-        for axes in grid[-1]:
-            axes.set_xlabel("x [m]")
         for axes in grid[:, 0]:
             axes.set_ylabel("y [m]")
+        width, height = np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim())
+        row_in = 0.5 + WIDTH_IN / columns * height / width
+        figure.set_size_inches(WIDTH_IN, 0.6 + len(grid) * row_in)
         legend_below(figure, axes=grid[0, 0])
 
     return drawer

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from functools import partial
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.figures.canvas import Draw, legend_below, write_figures
+from ttwmr_mj.figures.canvas import Draw, legend_below, panel_grid, write_figures
 from ttwmr_mj.figures.scales import is_wide, plain_log
 from ttwmr_mj.figures.style import (
     BLUE,
@@ -244,16 +245,15 @@ def _draw_sensitivity(
     figure: Figure, found: list[Sensitivity], labels: list[str], shown: Shown
 ) -> None:
     """First-order and total indices, one panel for each number that varies."""
-    panels = [one for one in found if one.indices is not None]
-    if not panels:
+    varied = [one for one in found if one.indices is not None]
+    if not varied:
         figure.text(0.5, 0.5, "no number varies: nothing to explain", ha="center")
         return
-    rows, place = (len(panels) + 1) // 2, np.arange(len(labels))
+    columns, place = min(2, len(varied)), np.arange(len(labels))
+    rows = math.ceil(len(varied) / columns)
     figure.set_size_inches(WIDTH_IN, 0.8 + rows * (0.7 + 0.34 * len(labels)))
-    grid = figure.subplots(rows, min(2, len(panels)), sharey=True, sharex=True, squeeze=False)
-    for axes in grid.flat[len(panels) :]:
-        axes.set_visible(False)
-    for axes, one in zip(grid.flat, panels, strict=False):
+    grid = panel_grid(figure, len(varied), columns, "share of the variance")
+    for axes, one in zip(grid.flat, varied, strict=False):
         axes.set_title(f"{one.variant + ': ' if one.variant else ''}{_kind(one.of, shown)}")
         for kind, colour, mark, shift in (
             ("first", BLUE, "o", -0.14),
@@ -269,8 +269,6 @@ def _draw_sensitivity(
         axes.set_yticks(place, labels)
         axes.axvline(0.0, color=INK, linewidth=0.8)
     grid[0, 0].invert_yaxis()
-    for axes in grid[-1]:
-        axes.set_xlabel("share of the variance")
     _name_indices(grid[0, 0])
     legend_below(figure, axes=grid[0, 0])
 
