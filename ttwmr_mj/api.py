@@ -4,11 +4,12 @@ from numbers import Integral
 from pathlib import Path
 
 from ttwmr_mj.controllers.base import Controller
-from ttwmr_mj.errors import InputError, shown
+from ttwmr_mj.errors import InputError, require
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import results_folder
 from ttwmr_mj.runs.new_folder import new_folder
+from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.pair import run_pair as compare
 
@@ -35,13 +36,10 @@ def simulate(
     Raises:
         InputError: the scenario cannot be built.
     """
-    _require_scenario(scenario)
+    require_scenario(scenario)
     if not isinstance(nsim, Integral) or not 1 <= nsim <= MOST_SIMULATIONS:
         raise InputError.at("nsim", got=repr(nsim), allowed=f"1 to {MOST_SIMULATIONS:,}")
-    if controller is not None and not isinstance(controller, Controller):
-        raise InputError.at(
-            "controller", got=shown(controller), allowed="an instance of a Controller"
-        )
+    require(Controller | None, "controller", controller, hint="give an instance of it")
     return Experiment(scenario, _folder(scenario_folder), nsim, controller).run()
 
 
@@ -63,17 +61,10 @@ def run(
     Raises:
         InputError: the scenario cannot be built, or the folder is not empty or in use.
     """
-    _require_scenario(scenario)
+    require_scenario(scenario)
     folder = results_folder(scenario.name, scenario.seed) if out is None else Path(out)
     with new_folder(folder, force):
         return run_scenario(scenario, folder, scenario_folder=_folder(scenario_folder))
-
-
-def _require_scenario(given: object) -> None:
-    """Scripts are not checked for types; a name in the place of a scenario is easily written."""
-    if not isinstance(given, Scenario):
-        hint = "tt.load_scenario reads one by its name or file"
-        raise InputError.at("scenario", got=shown(given), allowed="a Scenario", hint=hint)
 
 
 def _folder(given: Path | str | None) -> Path | None:

@@ -7,7 +7,8 @@ import os
 import re
 import unicodedata
 from dataclasses import dataclass, replace
-from typing import Any
+from types import UnionType
+from typing import Any, get_args
 
 Keys = tuple[str | int, ...]
 MARKS = re.compile(r"([\\`<>\[\]|])")  # what Markdown obeys, but for emphasis
@@ -197,3 +198,15 @@ class Overrun(BaseException):
 
 class MachineError(TtwmrError):
     """This machine lacks something the request needs, and the message says what (exit code 2)."""
+
+
+def require(kind: type | UnionType, where: str, given: object, hint: str = "") -> None:
+    """Look at what a script gives to a public function; nobody else checks types there.
+
+    Raises:
+        InputError: it is of another kind.
+    """
+    if not isinstance(given, kind):
+        names = [one.__name__ for one in get_args(kind) or (kind,)]
+        allowed = " or ".join(names).replace("NoneType", "None")
+        raise InputError.at(where, got=shown(given), allowed=allowed, hint=hint)

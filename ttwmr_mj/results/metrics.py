@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.errors import require
 from ttwmr_mj.results.accept import SLIPPING_M_S
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
@@ -237,6 +238,8 @@ def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]
     Undefined are: errors against a reference that does not exist, settling that never happens, and
     everything of a run without a single finite row.
     """
+    require(Trajectory, "trajectory", trajectory)
+    require(RobotParameters, "robot", robot)
     return tuple(_score(trajectory.simulation(i), robot) for i in range(trajectory.nsim))
 
 

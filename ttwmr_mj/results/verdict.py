@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ttwmr_mj.errors import InputError, require, shown
 from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
 from ttwmr_mj.results.curves import Curves
@@ -127,8 +128,13 @@ def judge(
         accept: the limits; None: the defaults.
         demands: what the reference asks of that robot; None: not looked at.
     """
+    require(Trajectory, "trajectory", trajectory)
+    require(RobotParameters, "robot", robot)
     if status != "ok":
-        name = next(known for known in VERDICTS if known == status)
+        name = next((known for known in VERDICTS if known == status), None)
+        if name is None:
+            allowed = f"ok, {', '.join(VERDICTS)}"
+            raise InputError.at("status", got=shown(status), allowed=allowed)
         return Verdict(name, None, None, reason)
     accept = accept or AcceptOptions()
     rows = trajectory.simulation()

@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.config import batch_shape
+from ttwmr_mj.errors import require
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.loop import Loop
 from ttwmr_mj.runs.simulations import Simulations
+from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -57,6 +59,9 @@ def run_batch(
         InputError: one of them cannot be built, or its law cannot start.
         KeyboardInterrupt: nothing is left of a batch that was interrupted.
     """
+    require(Sequence, "scenarios", scenarios, hint="a list of them")
+    for i, scenario in enumerate(scenarios):
+        require_scenario(scenario, f"scenarios[{i}]")
     who = defaultdict[Hashable, list[int]](list)
     for i, scenario in enumerate(scenarios):
         who[batch_key(scenario)].append(i)

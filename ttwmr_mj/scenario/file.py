@@ -1,6 +1,7 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -10,7 +11,7 @@ from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.errors import Fault, InputError, Keys, require
 from ttwmr_mj.files import is_file, parse_toml, read_toml, require_none_but_files
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
@@ -52,7 +53,7 @@ def _near(path: Path, shipped: list[str]) -> str:
 
 def load_scenario(
     name_or_path: str | Path,
-    overrides: list[str] | None = None,
+    overrides: Sequence[str] | None = None,
     seed: int | None = None,
     fragment: Path | None = None,
 ) -> Scenario:
@@ -67,6 +68,8 @@ def load_scenario(
     Raises:
         InputError: with every fault of the file in one message.
     """
+    require(str | Path, "name_or_path", name_or_path)
+    require(list | tuple | None, "overrides", overrides, hint='as in ["seed=7"]')
     path = find_scenario(str(name_or_path))
     data, source = read_scenario(path), str(path)
     if fragment is not None:
@@ -76,6 +79,11 @@ def load_scenario(
     if seed is not None:
         data["seed"] = seed
     return check_scenario(data, source, path.parent)
+
+
+def require_scenario(given: object, where: str = "scenario") -> None:
+    """Refuse what is none; a name in the place of a scenario is easily written."""
+    require(Scenario, where, given, hint="load_scenario reads one by its name or file")
 
 
 def read_scenario(path: Path) -> dict[str, Any]:
@@ -98,6 +106,7 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     Raises:
         InputError: with every fault in one message.
     """
+    require(dict, "data", data)
     context = {"folder": folder}
     try:
         scenario, faults = Scenario.model_validate(data, context=context), []

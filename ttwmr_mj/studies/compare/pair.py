@@ -3,11 +3,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, shown
 from ttwmr_mj.plants.names import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
@@ -16,6 +16,7 @@ from ttwmr_mj.runs.loop import Report
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import physics_step_faults, unknown_to_the_models
+from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
@@ -80,6 +81,11 @@ def run_pair(
         InputError: the scenario does not mean the same on both plants.
         RunError: a run failed.
     """
+    require_scenario(scenario)
+    if mode not in get_args(Mode):
+        raise InputError.at("mode", got=shown(mode), allowed=", ".join(get_args(Mode)))
+    if real_wheels and mode != "open_loop":
+        raise InputError.at("real_wheels", got="True", allowed='with mode "open_loop" only')
     refuse_unlike(scenario)
     closed = motion.run_analytic(scenario, scenario_folder) if mode == "closed_loop" else None
     report = watch and _both(scenario, closed, watch)
