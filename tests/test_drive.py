@@ -5,8 +5,10 @@ from __future__ import annotations
 import json
 import os
 import pty
+import signal
 import subprocess
 import sys
+import termios
 import time
 from pathlib import Path
 
@@ -41,6 +43,11 @@ class Terminal:
                 self.said += os.read(self._ours, 4096).decode(errors="replace")
             except OSError as error:  # the process has ended
                 raise AssertionError(self.said) from error
+
+    @property
+    def echoes(self) -> bool:
+        """Whether it shows what is typed, as a shell expects it to."""
+        return bool(termios.tcgetattr(self._ours)[3] & termios.ECHO)
 
     def type(self, keys: str) -> None:
         os.write(self._ours, keys.encode())
@@ -109,12 +116,16 @@ def test_a_driven_run_is_a_run_like_any_other(driven: tuple[Path, str], tmp_path
 
 
 @pytest.mark.slow
-def test_a_drive_that_is_stopped_is_no_success(tmp_path: Path) -> None:
+@pytest.mark.parametrize("signum", [signal.SIGTERM, signal.SIGQUIT, signal.SIGUSR1])
+def test_a_drive_that_is_stopped_is_no_success(signum: signal.Signals, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ttwmr_mj", "drive", "--out", "out", "--live=none"]
     terminal = Terminal(command, tmp_path)
+    echoed = terminal.echoes
     terminal.until(" 0.5 s")
-    terminal.process.terminate()
+    assert not terminal.echoes
+    terminal.process.send_signal(signum)
     assert terminal.end() == 1
+    assert terminal.echoes == echoed
     assert "ttwmr: lab_circle interrupted at" in terminal.said
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "interrupted"
 

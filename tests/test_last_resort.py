@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -115,6 +116,13 @@ def test_counts_are_whole_and_positive(
     assert "workers" in capsys.readouterr().err
 
 
+def of_empty_folder(name: str) -> AttributeError:
+    """What Python says of a library whose folder is there and empty."""
+    library = ModuleType(name)
+    library.__file__ = None  # as importing such a folder leaves it
+    return AttributeError(f"module {name!r} has no attribute 'Opti'", name="Opti", obj=library)
+
+
 @pytest.mark.parametrize(
     ("error", "code", "told"),
     [
@@ -125,6 +133,7 @@ def test_counts_are_whole_and_positive(
         (RecursionError("deep"), 2, "nested too deeply"),
         (ModuleNotFoundError("No module", name="cv2.x"), 2, "cv2 is missing; `ttwmr doctor` says"),
         (ImportError("libGL.so.1", name="cv2"), 2, "cv2 cannot be imported: libGL.so.1; `ttwmr"),
+        (of_empty_folder("casadi"), 2, "casadi cannot be imported: its folder holds no code; `ttw"),
         (
             ImportError("no name", name="ttwmr_mj.cli"),
             1,

@@ -40,7 +40,10 @@ def as_in_a_terminal() -> Iterator[None]:
     signal.signal(signal.SIGHUP, hangup)
 
 
-@pytest.mark.parametrize("signum", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+ENDS = [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1]
+
+
+@pytest.mark.parametrize("signum", ENDS)
 @pytest.mark.parametrize("phase", PHASES)
 def test_a_signal_in_any_phase(
     phase: str,

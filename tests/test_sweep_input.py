@@ -299,6 +299,11 @@ def test_seeds_are_checked_where_they_decide(tmp_path: Path) -> None:
         (["mine.toml", "--out", "mine.toml"], "--out: got mine.toml; a file is in the way"),
         (["--merge", "full", "--out", "new"], "full: no sweep's folder"),
         (["--merge", "full"], "--merge: --out is missing"),
+        (["mine.toml", "--merge", "full", "--out", "new"], "SWEEP: the folders that are joined"),
+        (["--merge", "full", "--set", "seed=3"], "--set: the folders that are joined"),
+        (["--merge", "full", "--dry-run"], "--dry-run: the folders that are joined"),
+        (["--merge", "full", "--extend"], "--extend: the folders that are joined"),
+        (["--merge", "full", "--shard", "1/2"], "--shard: the folders that are joined"),
     ],
 )
 def test_wrong_options_are_refused(

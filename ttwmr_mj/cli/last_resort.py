@@ -7,6 +7,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
+from types import ModuleType
 from typing import TextIO
 
 from ttwmr_mj.errors import (
@@ -22,6 +23,7 @@ from ttwmr_mj.errors import (
     strangers,
 )
 
+INSTALL = "`ttwmr doctor` says what there is; installing this package again brings it back"
 DONE, FAILED, WRONG = 0, 1, 2  # exit codes
 LEAST_ADDRESS_SPACE = 6e9  # bytes; by camera 4.6e9 are taken on two cores, most of it never used
 LEAST_FILES = 64
@@ -198,8 +200,9 @@ def _meaning(error: BaseException) -> tuple[str, int]:
             what = "is missing" if isinstance(error, ModuleNotFoundError) else "cannot be imported"
             name = (error.name or "a library").partition(".")[0]
             text = "" if isinstance(error, ModuleNotFoundError) else f": {cut(str(error), 300)}"
-            hint = "`ttwmr doctor` says what there is; installing this package again brings it back"
-            return f"{name} {what}{text}; {hint}", WRONG
+            return f"{name} {what}{text}; {INSTALL}", WRONG
+        case AttributeError(obj=ModuleType(__file__=None, __name__=name)) if not strangers:
+            return f"{name} cannot be imported: its folder holds no code; {INSTALL}", WRONG
         case RecursionError() if not strangers:  # a law may have lowered the limit
             return "the input is nested too deeply", WRONG
         case MemoryError():

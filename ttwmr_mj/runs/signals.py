@@ -10,8 +10,9 @@ from time import monotonic
 from types import FrameType
 from typing import Any
 
-# Ctrl-C, a polite end, a terminal that is closed, and all the processor time that was allowed
-NAMES = ("SIGINT", "SIGTERM", "SIGHUP", "SIGXCPU")
+# Ctrl-C and Ctrl-\, a polite end, a terminal that is closed, all the processor time that was
+# allowed, and what schedulers of clusters send before they end a job
+NAMES = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGXCPU", "SIGUSR1", "SIGUSR2")
 WAITING = tuple(signal.Signals[name] for name in NAMES if hasattr(signal, name))
 Handler = Callable[[int, FrameType | None], Any]
 AGAIN_S = 0.02

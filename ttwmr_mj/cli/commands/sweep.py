@@ -135,6 +135,16 @@ class Sweep(Quiet, name="sweep"):
         from ttwmr_mj.studies.sweep.folder.plan_file import refuse_foreign
         from ttwmr_mj.studies.sweep.folder.shards import rows_done
 
+        unused = {
+            "SWEEP": self.sweep,
+            "--set": self.overrides,
+            "--dry-run": self.dry_run,
+            "--extend": self.extend,
+            "--shard": self.shard,
+        }
+        if given := [name for name, value in unused.items() if value]:
+            problem = "the folders that are joined know their sweep"
+            raise InputError.at(given[0], problem, hint="leave it out, or leave --merge out")
         if self.out is None:
             raise InputError.at(
                 "--merge", "--out is missing", hint="name the folder to join them in"

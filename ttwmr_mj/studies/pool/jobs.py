@@ -29,10 +29,11 @@ from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
 from ttwmr_mj.files import delete_drafts, scratch_folder, variable
+from ttwmr_mj.runs import signals
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
-FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP", "SIGQUIT", "SIGXCPU", "SIGBUS")
+FROM_OUTSIDE = (*signals.NAMES, "SIGKILL", "SIGBUS")
 NO_ROOM = 75  # exit code where the disk takes no answer; EX_TEMPFAIL of sysexits.h
 NO_ROOM_FOR = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 SERVER_GONE = "the server that starts the processes ended"
