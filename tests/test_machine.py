@@ -41,9 +41,10 @@ def test_what_is_missing_is_named_with_how_to_install_it(
     )
     absent = {"numpy", "tqdm", "casadi"}
 
-    def imported(name: str) -> None:
+    def imported(name: str) -> SimpleNamespace:
         if name in ("cv2", "sympy"):
             raise ImportError(f"lib{name}.so.1")
+        return SimpleNamespace(__file__=None if name == "scipy" else f"{name}.py")
 
     monkeypatch.setattr(machine, "import_module", imported)
     monkeypatch.setattr(machine, "library_version", lambda name: None if name in absent else "1.0")
@@ -52,7 +53,8 @@ def test_what_is_missing_is_named_with_how_to_install_it(
     assert "  numpy                    MISSING" in lines
     assert "  mujoco                   1.0" in lines
     assert "  opencv-python-headless CANNOT BE IMPORTED: ImportError: libcv2.so.1" in lines
-    assert "  install them: pip install numpy opencv-python-headless tqdm" in lines
+    assert "  scipy CANNOT BE IMPORTED: its folder holds no code" in lines
+    assert "  install them: pip install numpy opencv-python-headless scipy tqdm" in lines
     wrong = "  reproduce   sympy          1.0, but cannot be imported: ImportError: libsympy.so.1"
     assert wrong in lines
     assert "  planning    casadi         missing: pip install 'ttwmr-mj[planning]'" in lines

@@ -61,10 +61,10 @@ def _required() -> list[str]:
 def _fault_of(name: str) -> str:
     """Why an installed distribution cannot be imported; empty if it can."""
     try:
-        import_module(MODULES.get(name, name.replace("-", "_")))
+        module = import_module(MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a library that is damaged may raise anything
         return cut(described(error).splitlines()[0])
-    return ""
+    return "" if module.__file__ else "its folder holds no code"
 
 
 def _extras() -> list[str]:
