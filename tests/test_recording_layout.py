@@ -65,7 +65,7 @@ def test_a_run_shows_the_plots_that_have_curves(tmp_path: Path) -> None:
 
 def test_a_camera_brings_a_picture_and_the_plots_of_what_it_knows(tmp_path: Path) -> None:
     path = tmp_path / "run.rrd"
-    RunRecorder(
+    with RunRecorder(
         path,
         model=robot_model(),
         robot=ROBOT,
@@ -73,7 +73,8 @@ def test_a_camera_brings_a_picture_and_the_plots_of_what_it_knows(tmp_path: Path
         name="seen",
         summary_markdown="",
         camera=True,
-    ).close()
+    ) as recorder:
+        recorder.finish("nothing was driven")
     assert ("camera/picture", "Camera") in views(path)
     assert ("/", "wheels, law, tracker") in views(path)
     assert ("world", "From above") not in views(path)

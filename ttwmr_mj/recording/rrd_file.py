@@ -29,7 +29,7 @@ class RrdFile:
     Args:
         path: the .rrd file, overwritten; its folder exists.
         name: of the recording, as the viewer lists it.
-        layout: what the viewer shows.
+        layout: what the viewer shows; None where that is known later (`_show`).
         live: shows the file while it is written.
         footer: end the file with a table of its contents, by which readers jump in it; Rerun keeps
             it in memory meanwhile, some 0.1 MB for each second of work.
@@ -43,7 +43,7 @@ class RrdFile:
         self,
         path: Path,
         name: str,
-        layout: rrb.Blueprint,
+        layout: rrb.Blueprint | None,
         live: LiveView | None = None,
         *,
         footer: bool = True,
@@ -64,7 +64,8 @@ class RrdFile:
                 ) from error
             self._stream.save(self._outlet.name, write_footer=footer)
         self._outlet.opened()
-        self._show(layout, make_active=False)
+        if layout is not None:
+            self._show(layout, make_active=False)
         self._open = True
         self._live = live
         if live is not None:

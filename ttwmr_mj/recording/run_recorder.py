@@ -83,10 +83,10 @@ class RunRecorder(RrdFile):
             paced=paced,
             looks_scale=robot.looks_scale,
         )
-        super().__init__(path, name, self._layout(), live, footer=footer)
+        super().__init__(path, name, None, live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
-        self._signals: tuple[str, ...] = ()
+        self._signals: tuple[str, ...] | None = None  # of the law, which says so with its first
         self._stream.send_property("scenario", rr.AnyValues(name=name))
         self._report(summary_markdown)
         self._report(summary_markdown, DETAILS)
@@ -115,7 +115,7 @@ class RunRecorder(RrdFile):
         curves = Curves.of(rows, self._robot)
         self._scene.append(rows, curves)
         if (signals := tuple(rows.signals)) != self._signals:
-            self._signals = signals  # the layout was sent before the law said what it logs
+            self._signals = signals
             self._show(self._layout(signals=signals))
         self._plots.append(rows, curves)
         self._last_s = float(rows.time_s[-1])
@@ -160,10 +160,12 @@ class RunRecorder(RrdFile):
         self._check_open()
         self._report(result_markdown)
         self._report(f"{details_markdown}\n\n{self._summary}", DETAILS)
-        if self._last_s is not None:
+        if self._last_s is None:
+            self._show(self._layout())
+        else:
             times_s, ranges = (0.0, self._last_s), self._plots.ranges
-            layout = self._layout(signals=self._signals, ranges=ranges, times_s=times_s)
-            self._show(layout)
+            signals = self._signals or ()
+            self._show(self._layout(signals=signals, ranges=ranges, times_s=times_s))
 
 
 def _key(robot: RobotParameters, reference: ReferencePath | None, camera: bool) -> list[Entry]:
