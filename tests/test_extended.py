@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from ttwmr_mj.api import simulate
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
 from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
@@ -12,6 +13,7 @@ from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.robot import Hitch, RobotParameters
+from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import FloatArray, RobotState
 
 ROBOT = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.3, damping_n_m_s_rad=0.02))
@@ -201,3 +203,16 @@ def test_steps_beyond_the_stability_limit_are_rejected(stiffness: float, damping
     for _ in range(10):
         plant.advance(np.zeros((1, 2)), 1)
     assert abs(plant.state().q[0, 3]) <= 0.51  # never beyond its start
+
+
+@pytest.mark.parametrize("name", ["open_loop_turn", "two_trailers_turn"])
+@pytest.mark.parametrize("lever_m", [1e-4, 1e-2])
+def test_balls_that_resist_bring_the_trailers_to_rest(name: str, lever_m: float) -> None:
+    """With steps of 33 ms a ball nearly at rest would be thrown to and fro for ever."""
+    extended = f"{{wheel_radius_m=0.026, track_width_m=0.119, rolling_resistance_m={lever_m}}}"
+    changes = ["plant.kind=analytic", f"plant.analytic.extended={extended}", "duration_s=25.0"]
+    run = simulate(load_scenario(name, [*changes, "plant.analytic.max_step_s=0.033"])).trajectory
+    still = np.diff(run.wheel_speed_rad_s[:, 0], axis=0).any(axis=1).nonzero()[0][-1] + 300
+    assert still < len(run.time_s) - 30
+    assert np.abs(run.q_rate[still:, 0, 3:]).max() < 1e-9
+    assert np.ptp(run.q[still:, 0], axis=0).max() < 1e-8

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -16,6 +18,7 @@ from ttwmr_mj.dynamics.torques import (
     spun_mass_matrix,
     wheel_jacobian,
 )
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.kinetic import KineticPlant
@@ -185,6 +188,19 @@ def test_a_stiff_hitch_is_integrated_stably() -> None:
         plant.advance(np.array([[0.01, 0.012]]), 1)
     state = plant.state()
     assert abs(state.hitch_angle_rad[0]) < 0.01
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"hitch": Hitch(coulomb_friction_n_m=1000.0)},
+        {"casters": Casters(rolling_resistance_m=0.1)},
+        {"hitch": Hitch(damping_n_m_s_rad=1e4)},
+    ],
+)
+def test_steps_too_short_to_be_taken_are_refused(changes: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=r"need steps of .* s .*allowed: at least 5e-05 s"):
+        kinetic(RobotParameters(**changes))
 
 
 def test_rows_of_a_batch_and_mirrored_torques() -> None:

@@ -58,6 +58,17 @@ def resistance(robot: RobotParameters, lever_m: Value, load_n: float) -> Value:
     return lever_m / casters.radius_m * load_n + casters.socket_friction_n_m / casters.radius_m
 
 
+def slowing(forces: Forces, length_m: Value, inertia_kg_m2: Value = 1.0) -> Value:
+    """By what a trailer that swings about P slows its balls at most [m/s²].
+
+    Args:
+        forces: that hold them back [N]; or these over the inertia.
+        length_m: from P to the trailer's COM.
+        inertia_kg_m2: of the trailer about P.
+    """
+    return (forces.right + forces.left) * length_m**2 / inertia_kg_m2
+
+
 def resisting_torque(
     hitch_rad: FloatArray,
     p_speed: tuple[FloatArray, Value],
@@ -104,7 +115,7 @@ def train_drag(
     speed_m_s: FloatArray,
     robot: RobotParameters,
     forces: Sequence[Forces],
-    fading_m_s: float = FADING_M_S,
+    fading_m_s: Value = FADING_M_S,
 ) -> tuple[FloatArray, FloatArray]:
     """What the balls of all trailers do to P and to the trailers.
 

@@ -24,15 +24,22 @@ robot and ground too (`config.stacked`).
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple, Self
 
 import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.config import column, each
-from ttwmr_mj.dynamics.balls import Forces, direction, held_back, resisting_torque
+from ttwmr_mj.dynamics.balls import (
+    FADING_M_S,
+    Forces,
+    direction,
+    held_back,
+    resisting_torque,
+    slowing,
+)
 from ttwmr_mj.dynamics.ground import LEVEL, Ground, Pull
 from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
@@ -61,13 +68,13 @@ class ExtendedParameters(Config):
     servo_time_constant_s: float = Field(
         default=0.0,
         ge=0,
-        le=10,
+        le=0.1,
         description="time constant of the speed loop without load; typically 2e-5",
     )
     slip_time_s: float = Field(
         default=0.0,
         ge=0,
-        le=10,
+        le=0.1,
         description="side slip of P per centripetal acceleration; typically 7e-4",
     )
     hitch_damping_n_m_s_rad: float = Field(
@@ -136,6 +143,7 @@ class ExtendedModel:
     values: dict[str, Value]  # parameter name of `ExtendedParameters` → number or (nsim,)
     physics_step_s: float  # the one parameter that is the same for all simulations
     ground: Ground = LEVEL
+    fading_m_s: Value = FADING_M_S  # a slower ball is held back by less
 
     @classmethod
     def of(
@@ -144,6 +152,16 @@ class ExtendedModel:
         """The model with one set of parameters, on level floor where no ground is given."""
         values = {name: getattr(parameters, name) for name in ExtendedParameters.model_fields}
         return cls(robot, values, parameters.physics_step_s, ground or LEVEL)
+
+    def softened(self, longest_s: float) -> Self:
+        """The same for steps up to a length: a ball that is nearly at rest does not chatter."""
+        return replace(self, fading_m_s=np.maximum(FADING_M_S, self._slowing * longest_s))
+
+    @property
+    def _slowing(self) -> Value:
+        """By what balls slow each other at most [m/s²], swinging about P."""
+        length, inertia = self.robot.trailer.com_offset_m, self.swing_inertia_kg_m2
+        return slowing(self._held_back, length, inertia)
 
     @property
     def swing_inertia_kg_m2(self) -> Value:
@@ -274,7 +292,8 @@ class ExtendedModel:
         torque -= first_moments(self.robot)[1] * sideways(hitch - self.robot.lean_rad, *pull)
         p_speed = u1, -slip * u1 * u2
         torque += self._hitch_torque(motion)
-        torque += resisting_torque(hitch, p_speed, motion.trailer_rate, self.robot, self._held_back)
+        balls = self.robot, self._held_back, self.fading_m_s
+        torque += resisting_torque(hitch, p_speed, motion.trailer_rate, *balls)
         return np.asarray(torque / self.swing_inertia_kg_m2)
 
     def _p_acceleration(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
@@ -293,7 +312,7 @@ class ExtendedModel:
         towed = tail * (np.sin(swung) * swing + np.cos(swung) * theta2_rate**2)
         # what holds back the trailer's two balls, as far as they drag P along
         drag, length = self._held_back, self.robot.trailer.com_offset_m
-        along, across = direction(u1 * cos, u1 * sin + length * theta2_rate)
+        along, across = direction(u1 * cos, u1 * sin + length * theta2_rate, self.fading_m_s)
         towed += (drag.right + drag.left) * (along * cos + across * sin)
         return self._on_wheels(motion, towed, self._hitch_torque(motion))
 
@@ -308,7 +327,7 @@ class ExtendedModel:
         yaw = tractor.yaw_inertia_kg_m2 + nose * tractor.com_offset_m
         torque = yaw * u2_rate + nose * (u1 * u2 - pull.left) + hitch_torque_n_m
         drag = self._held_back.nose
-        ahead, aside = direction(u1, casters.tractor_position_m * u2)
+        ahead, aside = direction(u1, casters.tractor_position_m * u2, self.fading_m_s)
         force += drag * ahead
         torque += drag * casters.tractor_position_m * aside
         share = torque / self.values["track_width_m"]

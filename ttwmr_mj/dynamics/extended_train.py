@@ -13,15 +13,15 @@ friction of the parameters. The robot is one for all simulations.
 
 from __future__ import annotations
 
-from functools import lru_cache
+from functools import lru_cache, reduce
 from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import Forces, held_back, train_drag
+from ttwmr_mj.dynamics.balls import Forces, held_back, slowing, train_drag
 from ttwmr_mj.dynamics.extended import ExtendedModel, Glide, Motion
 from ttwmr_mj.dynamics.hybrid import sideways
-from ttwmr_mj.dynamics.kinematics import to_world
+from ttwmr_mj.dynamics.kinematics import Value, to_world
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.dynamics.train import (
     Constants,
@@ -209,7 +209,15 @@ class ExtendedTrain(ExtendedModel):
 
     def _dragged(self, motion: Motion) -> tuple[FloatArray, FloatArray]:
         """Force of all balls on P along the tractor (nsim,), torques on the trailers (nsim, n)."""
-        return train_drag(motion.hitch, motion.trailer_rate, motion.u1, self.robot, self._drags)
+        rest = self.robot, self._drags, self.fading_m_s
+        return train_drag(motion.hitch, motion.trailer_rate, motion.u1, *rest)
+
+    @property
+    def _slowing(self) -> Value:
+        """Of the trailer whose balls slow each other most."""
+        trailers = zip(self._drags, self.robot.trailers, strict=True)
+        each = [slowing(f, one.com_offset_m, one.swing_inertia_kg_m2) for f, one in trailers]
+        return np.asarray(reduce(np.maximum, each))
 
     def _push(self, motion: Motion, swing: FloatArray) -> FloatArray:
         """(nsim, 2) force of each wheel on the floor (right, left) [N]."""

@@ -24,7 +24,7 @@ class ExtendedPlant(ModelPlant):
         Raises:
             InputError: the integration would be unstable for this hitch.
         """
-        self._model = model
+        self._model = model.softened(max_integration_step_s)
         longest_s = _longest_step_s(model)
         if max_integration_step_s > longest_s:
             raise InputError.at(

@@ -15,10 +15,13 @@ from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import first_moments
 from ttwmr_mj.dynamics.torques import FADING_M_S, FADING_RAD_S, acceleration, spun_mass_matrix
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.base import EquationPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState
+
+LEAST_STEP_S = 5e-5  # 660 in a control period, which take several times as long as they simulate
 
 
 class KineticPlant(EquationPlant):
@@ -44,10 +47,22 @@ class KineticPlant(EquationPlant):
             time_step_s: duration of one step of `advance`.
             max_integration_step_s: upper bound of the Runge-Kutta step.
             ground: the floor.
+
+        Raises:
+            InputError: the steps that hitch and balls need are too short to be taken.
         """
+        stable_s = _stable_step_s(robot, ground)
+        if stable_s < LEAST_STEP_S:
+            raise InputError.at(
+                "robot",
+                "springs, dampers and friction of the hitches, and what the balls resist with, "
+                f"need steps of {stable_s:.2g} s where wheel torques drive the analytic plant",
+                allowed=f"at least {LEAST_STEP_S:g} s",
+                hint="lower robot.hitch.* or robot.casters.*, or drive contact physics",
+            )
         self.nsim, self.time_step_s = nsim, time_step_s
         self._robot, self._ground = robot, ground
-        self._longest_s = min(max_integration_step_s, _stable_step_s(robot, ground))
+        self._longest_s = min(max_integration_step_s, stable_s)
         self.reset(RobotState.at_rest(0.0, 0.0, 0.0, [0.0] * len(robot.trailers), nsim))
 
     def reset(self, initial: RobotState) -> None:

@@ -18,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.config import each
-from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque
+from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque, slowing
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
 from ttwmr_mj.dynamics.hybrid import sideways
@@ -89,8 +89,7 @@ class _Constants(NamedTuple):
         forces = held_back(robot, robot.casters.rolling_resistance_m, ground.normal_gravity_m_s2)
         forces = Forces(*(f / inertia for f in forces))
         # as soft as the step needs it, lest a ball that is nearly at rest chatter
-        slowing = float(forces.right + forces.left) * robot.trailer.com_offset_m**2  # of the balls
-        fading = max(FADING_M_S, slowing * longest_s)
+        fading = max(FADING_M_S, float(slowing(forces, robot.trailer.com_offset_m)) * longest_s)
         linear = np.array([[0.0, 1.0], [-stiffness, -damping]])
         fastest = float(np.abs(np.linalg.eigvals(linear)).max())
         longest_step_s = RK4_STABLE_RADIUS / fastest if fastest else np.inf

@@ -14,7 +14,7 @@ from itertools import product
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import FADING_M_S, all_held_back, train_drag
+from ttwmr_mj.dynamics.balls import FADING_M_S, all_held_back, slowing, train_drag
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.train import hitch_torques, pivot_torque, solve, swing_bias, swing_matrix
@@ -53,11 +53,11 @@ class TrainSwing:
         self._resisted = any(right or left for _, right, left in self._forces)
         self._sprung = any(h.stiffness_n_m_rad or h.damping_n_m_s_rad for h in robot.hitches)
         # as soft as the step needs it, lest a ball that is nearly at rest chatter
-        slowing = max(
-            (right + left) * trailer.com_offset_m**2 / trailer.swing_inertia_kg_m2
-            for (_, right, left), trailer in zip(self._forces, robot.trailers, strict=True)
+        fastest = max(
+            slowing(forces, trailer.com_offset_m, trailer.swing_inertia_kg_m2)
+            for forces, trailer in zip(self._forces, robot.trailers, strict=True)
         )
-        self._fading = max(FADING_M_S, float(slowing) * longest_s)
+        self._fading = max(FADING_M_S, float(fastest) * longest_s)
         self.longest_step_s = longest_step_s(robot)
 
     def step(self, state: FloatArray, forcing: Forcing) -> FloatArray:
