@@ -11,11 +11,14 @@ import pytest
 from comparisons import TURN, open_loop, run_commands
 from test_hybrid import swing_energy
 
+from ttwmr_mj.dynamics.extended import ExtendedParameters
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
 from ttwmr_mj.studies.compare.pair import refuse_unlike, run_pair
 from ttwmr_mj.studies.compare.residuals import Residuals
+from ttwmr_mj.studies.compare.variants import changed
 
 
 def test_at_rest_both_plants_stay_where_they_are() -> None:
@@ -179,3 +182,15 @@ def test_the_lab_circle_deviates_by_less_than_a_thousandth_of_its_path(mode: Any
     share = pair.numbers["position_deviation_per_path"]
     assert share is not None
     assert share < 1e-3
+
+
+@pytest.mark.parametrize(("mode", "share"), [("open_loop", 0.05), ("closed_loop", 0.5)])
+def test_the_extended_model_is_compared_where_the_scenario_has_it(mode: Any, share: float) -> None:
+    """It knows the slip and the servo's lag that most of the deviation is from."""
+    scenario = load_scenario("lab_circle", ["duration_s=3.0"])
+    expected = ExtendedParameters.expected(scenario.robot).model_dump() | {"slip_time_s": 7.5e-4}
+    extended = changed(scenario, {"plant.analytic.extended": expected})
+    off = [run_pair(one, mode).numbers["position_deviation_max_m"] for one in (scenario, extended)]
+    assert 0.0 < off[1] < share * off[0]
+    with pytest.raises(InputError, match="real_wheels"):
+        run_pair(extended, real_wheels=True)

@@ -11,6 +11,7 @@ from comparisons import TURN, open_loop
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare import study
 from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
@@ -56,10 +57,18 @@ def test_bad_tolerances_are_refused(tmp_path: Path, text: str, message: str) -> 
     ],
 )
 def test_contradictions_are_refused(tmp_path: Path, options: Options, message: str) -> None:
-    from ttwmr_mj.scenario.file import load_scenario
-
     with pytest.raises(InputError, match=message):
         compare_scenario(load_scenario("open_loop_turn"), tmp_path, options)
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("options", [Options(), Options(attribute=False, converge=True)])
+def test_what_knows_the_plain_model_only_refuses_the_extended_one(
+    tmp_path: Path, options: Options
+) -> None:
+    extended = "plant.analytic.extended={wheel_radius_m=0.026, track_width_m=0.119}"
+    with pytest.raises(InputError, match=r"plant\.analytic\.extended: .*--no-attribution"):
+        compare_scenario(load_scenario("open_loop_turn", [extended]), tmp_path, options)
     assert not any(tmp_path.iterdir())
 
 

@@ -91,13 +91,18 @@ def run_analytic(scenario: Scenario, folder: Path | None = None) -> Trajectory:
 
 
 def replay_analytic(scenario: Scenario, commands: FloatArray) -> Trajectory:
-    """Commands (n, 2) [rad/s] (right, left), one per control period, on the plain model."""
-    return replay(scenario, commands, plain_plant(scenario))
+    """Commands (n, 2) [rad/s] (right, left), one per control period, on the analytic model."""
+    return replay(scenario, commands, analytic_plant(scenario))
 
 
-def plain_plant(scenario: Scenario) -> Plant:
-    """The analytic model without extensions."""
-    return make_plant(changed(on_plant(scenario, "analytic"), {"plant.analytic.extended": None}))
+def replay_plain(scenario: Scenario, commands: FloatArray) -> Trajectory:
+    """The same on the model without extensions."""
+    return replay_analytic(changed(scenario, {"plant.analytic.extended": None}), commands)
+
+
+def analytic_plant(scenario: Scenario) -> Plant:
+    """The analytic model, extended where the scenario has it so."""
+    return make_plant(on_plant(scenario, "analytic"))
 
 
 def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:

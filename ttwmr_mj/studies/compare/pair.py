@@ -86,6 +86,8 @@ def run_pair(
         raise InputError.at("mode", got=shown(mode), allowed=", ".join(get_args(Mode)))
     if real_wheels and mode != "open_loop":
         raise InputError.at("real_wheels", got="True", allowed='with mode "open_loop" only')
+    if real_wheels and scenario.plant.analytic.extended is not None:
+        raise InputError.at("real_wheels", "drives the model without plant.analytic.extended")
     refuse_unlike(scenario)
     closed = motion.run_analytic(scenario, scenario_folder) if mode == "closed_loop" else None
     report = watch and _both(scenario, closed, watch)
@@ -108,7 +110,7 @@ def _both(scenario: Scenario, analytic: Trajectory | None, watch: Watch) -> Repo
         analytic: that run, where it is known before; None: it replays the commands.
         watch: called with both.
     """
-    replay = motion.Replay(scenario, motion.plain_plant(scenario))
+    replay = motion.Replay(scenario, motion.analytic_plant(scenario))
 
     def report(rows: Trajectory) -> None:
         if not len(rows):

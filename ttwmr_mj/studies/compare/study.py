@@ -198,6 +198,16 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
             "controller drives it"
         )
         raise InputError.at("--real-wheels", problem, hint="leave one of them out")
+    plain_only = {
+        "--real-wheels": options.real_wheels,
+        "--fit": options.fit,
+        "--converge": options.converge,
+        "the attribution": options.attribute,
+    }
+    if scenario.plant.analytic.extended and (asked := [k for k, on in plain_only.items() if on]):
+        problem = f"{' and '.join(asked)} know only the model without extensions"
+        hint = "leave the table out, or add --no-attribution and leave the other options out"
+        raise InputError.at("plant.analytic.extended", problem, hint=hint)
     if (name := options.validate_on) and not options.fit:
         raise InputError.at("--validate-on", "nothing is fitted", got=name, hint="add --fit")
     if options.fit and scenario.control.torque_input:

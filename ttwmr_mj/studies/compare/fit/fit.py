@@ -29,7 +29,7 @@ from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
-from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic
+from ttwmr_mj.studies.compare.motion import ContactRun, replay_plain
 from ttwmr_mj.studies.compare.variants import Progress
 
 LENGTHS = ("wheel_radius_m", "track_width_m")  # far from zero; all else may vanish
@@ -142,7 +142,7 @@ class _Search:
         self.low = (FLOOR - self.start) / SCALE
         self._true, self._progress, self._evaluations = run.trajectory.q[:, 0], progress, 0
         self._name = run.scenario.name
-        plain = replay_analytic(run.scenario, run.commands).q[:, 0]
+        plain = replay_plain(run.scenario, run.commands).q[:, 0]
         apart = np.sqrt(np.mean((self._true - plain) ** 2, axis=0))
         if not (apart > 0.0).all():
             names = ", ".join(q_names(len(apart)))
@@ -260,6 +260,6 @@ def _gain(run: ContactRun, value: FloatArray) -> Gain:
         numbers = Deviation.between(run.trajectory, rows).numbers()
         return {name: size for name in MEASURES if (size := numbers.get(name)) is not None}
 
-    plain = replay_analytic(run.scenario, run.commands)
+    plain = replay_plain(run.scenario, run.commands)
     fitted = replace(run.trajectory, q=Shooting(run).run(value)[0][:, None])
     return Gain(run.scenario.name, deviations(plain), deviations(fitted))
