@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
@@ -62,6 +64,32 @@ def test_a_fragment_and_the_frames_of_a_run(tmp_path: Path) -> None:
     assert {path.name for path in (tmp_path / "out").iterdir()} >= {"frames", "metrics.json"}
     assert not (tmp_path / "out" / "run.rrd").exists()
     assert not (tmp_path / "out" / "figures").exists()
+
+
+LEAN = ["--set", "plant.kind=analytic", "--set", "duration_s=0.2", "--set", "output.figures=false"]
+
+
+def test_what_a_run_says_can_be_copied_to_a_shell(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "lab_circle", "--out", "my run's $1", *LEAN]) == 0
+    (told,) = re.findall("look at it: (.*)", capsys.readouterr().out)
+    assert shlex.split(told) == ["ttwmr", "view", "my run's $1"]
+    assert main(["run", "lab_circle", "--out", "o", *LEAN, "--set", "output.recording=false"]) == 0
+    assert "look at it" not in capsys.readouterr().out  # there is nothing to look at
+
+
+@pytest.mark.parametrize("words", [["run"], ["compare", "--no-attribution"]])
+def test_a_run_is_made_again_in_its_own_folder(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["run", "lab_circle", "--out", "o", *LEAN]) == 0
+    again = [*words, "o/scenario.resolved.toml", "--out", "o", "--force", "--quiet"]
+    assert main([*again, "--set", "output.recording=false"]) == 0
+    assert Path("o/scenario.resolved.toml").is_file()
+    assert not Path("o/run.rrd").exists()
 
 
 def test_a_fragment_that_is_wrong_is_named(

@@ -220,7 +220,7 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
     done = ttwmr("plan", "way.csv", "--out", "my path.csv", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "what limits it" in done.stdout
-    assert "drive it: ttwmr run my path.toml" in done.stdout
+    assert "drive it: ttwmr run 'my path.toml'" in done.stdout
     assert (tmp_path / "my path.png").stat().st_size > 10_000
     assert not Knots.read(str(tmp_path / "my path.csv")).periodic
     assert tt.load_scenario(str(tmp_path / "my path.toml")).name == "my_path"
@@ -288,6 +288,20 @@ def test_what_changes_the_scenario_is_in_the_one_that_drives_the_plan(tmp_path: 
     data, robot, _ = command._robot()
     assert (data["seed"], data["robot"]["tractor"]["mass_kg"]) == (7, 1.1)
     assert (robot.tractor.mass_kg, robot.trailer.mass_kg) == (1.1, 0.4)
+
+
+def test_a_plan_is_made_anew_for_a_robot_that_the_scenarios_own_does_not_fit() -> None:
+    """Which is what the fault of the plan says to do."""
+    heavier = ["--set", "robot.trailer.mass_kg=0.5"]
+    with pytest.raises(tt.InputError, match=r"plan anew .*--scenario"):
+        tt.load_scenario("rest_to_rest", heavier[1:])
+    command = parse(["plan", "way.csv", "--scenario", "rest_to_rest", *heavier])
+    assert isinstance(command, PlanCommand)
+    assert command._robot()[1].trailer.mass_kg == 0.5
+    wrong = parse(["plan", "way.csv", "--scenario", "rest_to_rest", "--set", "controller.odd=1"])
+    assert isinstance(wrong, PlanCommand)
+    with pytest.raises(tt.InputError, match=r"controller\.odd: unknown key"):
+        wrong._robot()
 
 
 def test_all_options_that_make_no_sense_are_told_at_once(

@@ -188,7 +188,14 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
         ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
-        ("", ["calibrate", "--board", "b.png", "--images", "x"], "give --images by itself"),
+        ("", ["calibrate", "--board", "b.png", "--images", "x"], "--images would not be used"),
+        ("", ["calibrate", "x", "--board", "b.png", "--seed", "1"], "SCENARIO, --seed would not"),
+        ("", ["calibrate", "x", "--images", "blank"], "--images: SCENARIO would not be used"),
+        (
+            "pipe.png",
+            ["track", "frames", "--calibration", "CAL", "--out", ".", "--force"],
+            "SOURCE: got frames; --force would replace what is in ., this too",
+        ),
     ],
 )
 def test_bad_input_is_exit_code_2_with_what_to_do(

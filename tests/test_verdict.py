@@ -303,6 +303,34 @@ def test_every_verdict_has_words_and_a_meaning() -> None:
         assert meaning
 
 
+def test_of_several_verdicts_a_run_gets_the_one_that_is_listed_first() -> None:
+    """A run of which all is true, mended piece by piece."""
+    rows, demands = still(), demanding(5.0)
+    rows.q[:, 0, 0] = 5.0
+    rows.wheels_on_floor[:], rows.tilt_rad[:], rows.height_m[:] = 0.0, 1.0, 1.0
+    rows.est_valid[:], rows.saturated[:], rows.ref_q[:] = False, True, np.nan
+    found = [verdict(rows, demands).name]
+    for column, value in (
+        ("tilt_rad", 0.0),
+        ("height_m", 0.0),
+        ("wheels_on_floor", 2.0),
+        ("ref_q", 0.0),
+        ("est_valid", True),
+        (None, None),
+        ("saturated", False),
+        ("q", 0.0),
+    ):
+        if column is None:
+            demands = demanding(0.1)
+        else:
+            getattr(rows, column)[:] = value
+        found.append(verdict(rows, demands).name)
+    assert found[1] == found[2] == "off_the_ground"  # too high, then with wheels in the air
+    seen = list(dict.fromkeys(found))
+    listed = list(VERDICTS)
+    assert seen == [n for n in listed[listed.index("tipped_over") :] if "trailer" not in n]
+
+
 def test_simulations_are_judged_one_by_one() -> None:
     overrides = ["plant.kind=analytic", "duration_s=1.0", "sensing.position_noise_m=0.001"]
     scenario = tt.load_scenario("inverted_trailer", overrides)

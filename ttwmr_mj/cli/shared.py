@@ -123,6 +123,19 @@ class Live(Quiet):
         return viewing(self.live)
 
 
+def to_copy(*words: object) -> str:
+    """A command of ours as a shell takes it, whatever is in its names."""
+    return shlex.join(["ttwmr", *map(str, words)])
+
+
+def where_it_is(what: str, folder: Path) -> str:
+    """Where results are and, if there is a recording, how to look at it."""
+    lines = [f"{what}: {folder}"]
+    if any(folder.glob("*.rrd")):
+        lines.append(f"look at it: {to_copy('view', folder)}")
+    return "\n".join(lines)
+
+
 @contextmanager
 def kept_in(folder: Path, what: Callable[[], str]) -> Iterator[None]:
     """A study that goes on where it was stopped: Ctrl-C says so.

@@ -21,6 +21,7 @@ from ttwmr_mj.robot import RobotParameters
 FINE_S = 0.02  # samples of the picture
 ROUNDS, HOLD_S = 2, 2.0  # that the scenario drives of a closed way; stands after one with an end
 STEERING = ("flatness", "mpc", "tvlqr")  # laws that follow with the trailer
+CIRCLE = {"kind": "flat_circle", "radius_m": 20.0, "angular_rate_rad_s": 0.01}
 NEAR = 0.9  # share of a limit from which on it is said to be what limits the plan
 
 
@@ -95,24 +96,28 @@ def _title(out: Path, request: Request, end_s: float) -> str:
     return f"{scenario_name(out)}: {count} points, {how} {end_s:.3g} s"
 
 
+def replaced(base: Mapping[str, Any], reference: Mapping[str, Any] = CIRCLE) -> dict[str, Any]:
+    """The tables that a plan replaces in a scenario's data; a circle stands in for the plan."""
+    controller = base.get("controller", {})
+    steers = isinstance(controller, dict) and controller.get("kind") in STEERING
+    return {
+        "initial": {"kind": "on_reference"},
+        "reference": dict(reference),
+        "controller": dict(controller) if steers else {"kind": "tvlqr"},
+    }
+
+
 def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]) -> str:
     """The scenario's text; of a base, all but what the plan says."""
     end = float(found.plan.time_s[-1])
     duration = ROUNDS * end if request.closed else end + HOLD_S
-    controller = dict(base.get("controller", {}))
-    if controller.get("kind") not in STEERING:
-        controller = {"kind": "tvlqr"}
     told = {
         "name": scenario_name(out),
         "description": _title(out, request, end).partition(": ")[2],
         "duration_s": round(duration, 2),
     }
     kept = {key: value for key, value in base.items() if key not in {*told, "accept"}}
-    data = kept | {
-        "initial": {"kind": "on_reference"},
-        "reference": {"kind": "planned", "plan": out.name},
-        "controller": controller,
-    }
+    data = kept | replaced(base, {"kind": "planned", "plan": out.name})
     plain = {key: value for key, value in data.items() if not isinstance(value, dict)}
     tables = {key: value for key, value in data.items() if isinstance(value, dict)}
     head = [

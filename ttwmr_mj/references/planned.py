@@ -184,8 +184,10 @@ class Planned(Reference):
                 f"was made for a trailer with l + J2/(m2·l) = {plan.lengths_m[0]:g} m; this one "
                 f"has {lengths[0]:g} m"
             )
-            own = f"robot.trailer.com_offset_m={robot.trailer.com_offset_m:g}"
-            hint = f"restore robot.trailer, or plan anew: `ttwmr plan waypoints.csv --set {own}`"
+            hint = (
+                "restore robot.trailer, or plan anew with the same --set: `ttwmr plan "
+                "waypoints.csv --scenario ...`, which takes the robot of a scenario"
+            )
         else:
             problem = (
                 "was made for trailers of other lengths, masses or hitches: A_ij/b_i differ by "

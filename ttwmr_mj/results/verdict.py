@@ -31,17 +31,17 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
     "killed": ("killed", "its process was killed; `ttwmr score` sums up what is left of it"),
     "failed": ("failed", "physics or the controller broke, or the controller took too long"),
     "diverged": ("diverged", "the state left all bounds"),
-    "no_reference": ("no reference", "there was nothing to follow"),
-    "blind": ("blind", "the sensor was blind for more than `blind_share` of the samples"),
-    "reference_not_feasible": (
-        "reference not feasible",
-        "a limit below was exceeded, and the reference asks more of servo or tyres than they have",
-    ),
     "tipped_over": ("tipped over", "the tractor tilted by more than `tilt_rad`"),
     "off_the_ground": (
         "off the ground",
         "P was higher than `height_m`, or a wheel did not touch the ground at more than "
         "`airborne_share` of the samples",
+    ),
+    "no_reference": ("no reference", "there was nothing to follow"),
+    "blind": ("blind", "the sensor was blind for more than `blind_share` of the samples"),
+    "reference_not_feasible": (
+        "reference not feasible",
+        "a limit below was exceeded, and the reference asks more of servo or tyres than they have",
     ),
     "saturated_throughout": (
         "saturated throughout",

@@ -102,18 +102,21 @@ def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:
 
 
 def _of_another_kind(keys: Keys, location: Keys, root: type[BaseModel]) -> str:
-    """How to change a section's kind, where a key is one of another kind's; else empty."""
+    """How to choose a section's kind, where a key is one of another kind's; else empty."""
     schema: Node = _schema(root)
     section = _place(location[:-2], root)[2]  # a pydantic location ends with tag and key
     members = section.get("discriminator", {}).get("mapping", {})
-    kind, others = location[-2] if len(location) > 1 else "", set[str]()
-    for name in members:
-        others |= _resolved({"$ref": members[name]}, schema)["properties"].keys()
-    if kind not in members or keys[-1] not in others:
+    kind = location[-2] if len(location) > 1 else ""
+    tables = {name: _resolved({"$ref": node}, schema) for name, node in members.items()}
+    owners = [name for name, table in tables.items() if keys[-1] in table["properties"]]
+    if kind not in members or not owners:
         return ""
     table = ".".join(map(str, keys[:-1]))
-    whole = f"--set '{table}={{kind=\"{kind}\"}}'"
-    return f"it belongs to another kind; to change the kind give its whole table: {whole}"
+    return (
+        f"it belongs to {', '.join(owners)}, and the kind here is {kind}; a whole table changes "
+        f"the kind: --set '{table}={{kind=\"{owners[0]}\"}}', or for {kind} without such keys "
+        f"--set '{table}={{kind=\"{kind}\"}}'"
+    )
 
 
 def _text(node: Node, schema: Node) -> str:

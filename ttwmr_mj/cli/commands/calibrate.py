@@ -6,16 +6,18 @@ from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Overrides
 from ttwmr_mj.errors import InputError
 
+LAB, OUT = "lab_circle_camera", Path("calibration.yaml")
+
 
 class Calibrate(Overrides, name="calibrate"):
     """Calibrate a camera with a ChArUco board."""
 
-    scenario: str = argument("scenario whose simulated camera is calibrated", "lab_circle_camera")
+    scenario: str = argument("scenario whose simulated camera is calibrated", LAB)
     images: Path | None = option(
         "use a real camera's pictures in DIR/held, DIR/origin and DIR/flat instead", metavar="DIR"
     )
     board: Path | None = option("only write the board as an image to print", metavar="PNG")
-    out: Path = option("file for the calibration", Path("calibration.yaml"), metavar="YAML")
+    out: Path = option("file for the calibration", OUT, metavar="YAML")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (
@@ -26,12 +28,12 @@ class Calibrate(Overrides, name="calibrate"):
         from ttwmr_mj.vision.calibration.file import save_calibration
 
         if self.board is not None:
-            if self.images is not None:
-                problem = "writes the board only; give --images by itself"
-                raise InputError.at("--board", problem)
+            files = {"--images": self.images is not None, "--out": self.out != OUT}
+            self._refuse_beside("--board", files | self._of_scenario())
             write_board(self.board)
             return 0
         if self.images is not None:
+            self._refuse_beside("--images", self._of_scenario())
             calibration = calibrate_from_images(self.images)
         else:
             calibration = calibrate_scenario(self.load(self.scenario))
@@ -42,3 +44,18 @@ class Calibrate(Overrides, name="calibrate"):
             f"{calibration.floor_rms_px:.3f} px\nwritten to {self.out}"
         )
         return 0
+
+    def _of_scenario(self) -> dict[str, bool]:
+        """Which words name the simulated camera, and whether they were given."""
+        return {
+            "SCENARIO": self.scenario != LAB,
+            "--set": bool(self.overrides),
+            "--fragment": self.fragment is not None,
+            "--seed": self.seed is not None,
+        }
+
+    @staticmethod
+    def _refuse_beside(option: str, given: dict[str, bool]) -> None:
+        if unused := [name for name, is_given in given.items() if is_given]:
+            problem = f"{', '.join(unused)} would not be used"
+            raise InputError.at(option, problem, hint="leave one or the other out")

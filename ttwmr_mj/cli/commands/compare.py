@@ -5,7 +5,7 @@ from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.last_resort import give_streams_back
-from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line
+from ttwmr_mj.cli.shared import SCENARIO, Live, NewFolder, Overrides, command_line, where_it_is
 from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError
 
@@ -52,7 +52,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
         if self.live is not None and self.real_wheels:
             problem = "with --real-wheels the analytic motion is found for the whole run at once"
             raise InputError.at("--live", problem, hint="leave one of them out")
-        pace = self.make_pace()
+        pace, beside = self.make_pace(), find_scenario(self.scenario).parent
         self.check_recording(scenario)
         opened = self.new_folder(f"{scenario.name}-compared", scenario.seed)
         with opened as folder, self.live_view() as live:
@@ -61,14 +61,14 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
                     scenario,
                     folder,
                     options,
-                    scenario_folder=find_scenario(self.scenario).parent,
+                    scenario_folder=beside,
                     command_line=command_line(),
                     progress=progress,
                     live=live,
                     pace=pace,
                 )
             give_streams_back()
-            text = f"{plain(done.report)}\n\nfolder: {folder}\nlook at it: ttwmr view {folder}"
+            text = f"{plain(done.report)}\n\n{where_it_is('folder', folder)}"
             print(folder if self.quiet else text)
         if done.breaches:
             lines = "\n".join(f"  {breach}" for breach in done.breaches)

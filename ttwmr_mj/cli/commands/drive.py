@@ -4,7 +4,7 @@ import sys
 from contextlib import suppress
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, ended_early
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, ended_early, to_copy
 from ttwmr_mj.errors import InputError
 
 
@@ -49,7 +49,7 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
                 print(folder)
             else:
                 print(f"\ndriven for {done.outcome.time_s:.1f} s; run folder: {folder}")
-                print(f"drive it again: ttwmr run {folder / 'scenario.resolved.toml'}")
+                print(f"drive it again: {to_copy('run', folder / 'scenario.resolved.toml')}")
             return 0
 
 

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import re
+import shlex
 from importlib.util import find_spec
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, argument, option
+from ttwmr_mj.cli.shared import to_copy
 from ttwmr_mj.errors import InputError
 
 
@@ -32,9 +34,10 @@ class New(Subcommand, name="new"):
         self._write(files)
         scenario = self.out / f"{self.wanted}.toml"
         print("\n".join(f"written: {self.out / file}" for file in files))
-        print(f"check it: ttwmr validate {scenario}\nrun it: ttwmr run {scenario}")
+        print(f"check it: {to_copy('validate', scenario)}\nrun it: {to_copy('run', scenario)}")
         if self.controller:
-            print(f"test it: python -m pytest {self.out / list(files)[-1]}")
+            test = str(self.out / list(files)[-1])
+            print(f"test it: {shlex.join(['python', '-m', 'pytest', test])}")
             if find_spec("pytest") is None:
                 print("first, for that: pip install pytest")
         return 0

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, warn
+from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, to_copy, warn
 from ttwmr_mj.errors import Fault, InputError, MachineError
 
 if TYPE_CHECKING:
@@ -65,7 +65,9 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         done = deliver(out, request, found, robot, limits, data, shlex.join(command_line()))
         if not self.quiet:
             _tell(request, found, limits)
-        print(f"plan: {done.plan}\npicture: {done.picture}\ndrive it: ttwmr run {done.scenario}")
+        print(
+            f"plan: {done.plan}\npicture: {done.picture}\ndrive it: {to_copy('run', done.scenario)}"
+        )
         return 0
 
     def _points(self) -> Points:
@@ -141,24 +143,32 @@ class PlanCommand(Overrides, Quiet, name="plan"):
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
         """Data of the scenario it is driven in, the robot and the limits."""
+        from ttwmr_mj.planning.deliver import replaced
         from ttwmr_mj.planning.limits import limits_of
         from ttwmr_mj.robot import RobotParameters
+        from ttwmr_mj.scenario.file import check_scenario
 
         wish: dict[str, Any] = {"hitch_angle_rad": math.radians(self.hitch_angle)}
         if self.workspace:
             wish["workspace_m"] = self.workspace
         if self.scenario is None:
             return {}, RobotParameters(), limits_of(RobotParameters(), 0.9, **wish)
-        scenario = self.load(self.scenario)
+        data, file = self._data(), self._file()
+        scenario = check_scenario(data | replaced(data), str(file), file.parent)
         friction = scenario.plant.contact.floor_friction
-        return self._data(), scenario.robot, limits_of(scenario.robot, friction, **wish)
+        return data, scenario.robot, limits_of(scenario.robot, friction, **wish)
+
+    def _file(self) -> Path:
+        from ttwmr_mj.scenario.file import find_scenario
+
+        return find_scenario(str(self.scenario))
 
     def _data(self) -> dict[str, Any]:
         """The scenario's file with the user's fragment, overrides and seed."""
         from ttwmr_mj.robot import merged
-        from ttwmr_mj.scenario.file import find_scenario, read_scenario, set_value
+        from ttwmr_mj.scenario.file import read_scenario, set_value
 
-        data = read_scenario(find_scenario(str(self.scenario)))
+        data = read_scenario(self._file())
         if self.fragment is not None:
             data = merged(data, read_scenario(self.fragment))
         for override in self.overrides:

@@ -12,6 +12,7 @@ from ttwmr_mj.cli.shared import (
     command_line,
     ended_early,
     warn,
+    where_it_is,
 )
 from ttwmr_mj.cli.supervisor import supervise
 from ttwmr_mj.errors import InputError, RunError, printable
@@ -44,7 +45,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         supervise(scenario)
         if not self.quiet:
             warn(foretold(scenario))
-        pace = self.make_pace()
+        pace, beside = self.make_pace(), find_scenario(self.scenario).parent
         self.check_recording(scenario)
         opened = self.new_folder(scenario.name, scenario.seed)
         with opened as folder, self.live_view() as live:
@@ -52,7 +53,7 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
                 done = run_scenario(
                     scenario,
                     folder,
-                    scenario_folder=find_scenario(self.scenario).parent,
+                    scenario_folder=beside,
                     command_line=command_line(),
                     progress=progress,
                     live=live,
@@ -99,4 +100,4 @@ def _print_run(run: "execute.Run") -> None:
     print(f"{label:33s} {speed:>12s}  real_time_factor")
     if run.pace:
         print(run.pace)
-    print(f"\nrun folder: {run.folder}\nlook at it: ttwmr view {run.folder}")
+    print(f"\n{where_it_is('run folder', run.folder)}")

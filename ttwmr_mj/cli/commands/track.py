@@ -3,7 +3,8 @@
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Live, NewFolder
+from ttwmr_mj.cli.shared import Live, NewFolder, where_it_is
+from ttwmr_mj.errors import InputError
 
 
 class TrackCommand(NewFolder, Live, name="track"):
@@ -24,7 +25,10 @@ class TrackCommand(NewFolder, Live, name="track"):
         from ttwmr_mj.scenario.file import load_scenario
         from ttwmr_mj.studies.track.track import track
 
-        robot = load_scenario(self.scenario).robot
+        robot, source = load_scenario(self.scenario).robot, Path(self.source).absolute()
+        if self.force and self.out and source.is_relative_to(self.out.absolute()):
+            problem = f"--force would replace what is in {self.out}, this too"
+            raise InputError.at("SOURCE", problem, got=self.source, hint="give another --out")
         pace = self.make_pace()
         opened = self.new_folder("track", Path(self.source).stem)
         with opened as folder, self.live_view() as live:
@@ -43,5 +47,5 @@ class TrackCommand(NewFolder, Live, name="track"):
                 print(done.folder)
             else:
                 print(f"{done.frames} frames, robot tracked in {done.tracked}")
-                print(f"written to {done.folder}; look at it: ttwmr view {done.folder}")
+                print(where_it_is("written to", done.folder))
         return 0

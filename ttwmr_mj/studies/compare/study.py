@@ -205,7 +205,7 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         "the attribution": options.attribute,
     }
     if scenario.plant.analytic.extended and (asked := [k for k, on in plain_only.items() if on]):
-        problem = f"{' and '.join(asked)} know only the model without extensions"
+        problem = f"cannot be combined with {' and '.join(asked)}"
         hint = "leave the table out, or add --no-attribution and leave the other options out"
         raise InputError.at("plant.analytic.extended", problem, hint=hint)
     if (name := options.validate_on) and not options.fit:
