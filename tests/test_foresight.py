@@ -60,6 +60,18 @@ def test_a_limit_is_said_with_what_would_keep_it(
     assert foreseen(circle(*overrides, *slower, f"{name}={1.02 * float(value)}"))
 
 
+def test_a_slower_reference_made_anew_is_possible_where_balls_resist() -> None:
+    """Stretched in time it keeps the balls' share of the motion, which is no smaller when slow."""
+    ellipse = "{kind='flat_ellipse', half_axes_m=[0.6, 0.3], angular_rate_rad_s=2.0}"
+    given = [f"reference={ellipse}", "world=unkind", "duration_s=5.0"]
+    faults = foreseen(tt.load_scenario("outer_circle", given))
+    assert len(faults) > 1
+    for fault in faults:
+        slower = re.findall(r"reference\.\w+=[\d.]+", fault.hint)
+        again = foreseen(tt.load_scenario("outer_circle", [*given, *slower]))
+        assert fault.allowed not in {left.allowed for left in again}, str(fault)
+
+
 def test_a_motor_without_load_turns_as_fast_as_its_supply_allows() -> None:
     """V = N·K_e·ω and gear friction: 12 V, 254·0.00728 V·s, and 2.5 V of friction and damping."""
     motor = Motor()

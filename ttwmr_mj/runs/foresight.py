@@ -18,6 +18,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 
 WORTH_TELLING = 0.2  # of the pace, of what a trailer could follow were it slower
+SLOWER, TRIES = 0.97, 12  # by how much a pace is lowered that does not do, and how often
 OF_THE_TRAILER = (
     "a flat_* reference or one made by `ttwmr plan` is a motion that the trailer follows"
 )
@@ -75,10 +76,31 @@ def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
     trailer = demand.name == "free trailer"
     if pace < (WORTH_TELLING if trailer else LEAST_PACE):
         return _of_the_trailer(scenario) if trailer else "at no pace is it possible"
-    options = scenario.reference.paced(pace)
-    told = ", ".join(f"reference.{name}={_rounded(name, v)}" for name, v in options.items())
+    # stretched in time it is not the reference made anew, whose balls are held back as ever
+    for _ in range(TRIES):
+        options = _rounded_options(scenario, pace)
+        if not options or not _still_breaks(scenario, demand.name, options):
+            break
+        pace *= SLOWER
+    else:
+        return f"at less than {_rounded('', pace)} of the pace it may be possible"
+    told = ", ".join(f"reference.{name}={value}" for name, value in options.items())
     slower = f"possible at {_rounded('', pace)} of the pace{f': {told}' if told else ''}"
     return f"{slower}; {_of_the_trailer(scenario)}" if trailer else slower
+
+
+def _rounded_options(scenario: Scenario, pace: float) -> dict[str, str]:
+    options = scenario.reference.paced(pace)
+    return {name: _rounded(name, value) for name, value in options.items()}
+
+
+def _still_breaks(scenario: Scenario, name: str, options: dict[str, str]) -> bool:
+    """Whether a limit is broken by the reference with other options, too."""
+    values = {key: float(value) for key, value in options.items()}
+    other = scenario.model_copy(update={"reference": scenario.reference.model_copy(update=values)})
+    path = sample_reference(other)
+    end = scenario.periods + 1
+    return path is not None and _breaks(partial(demands_of, other), name, path.until(end))
 
 
 def _breaks(
