@@ -62,7 +62,7 @@ def test_a_limit_is_said_with_what_would_keep_it(
 
 def test_a_slower_reference_made_anew_is_possible_where_balls_resist() -> None:
     """Stretched in time it keeps the balls' share of the motion, which is no smaller when slow."""
-    ellipse = "{kind='flat_ellipse', half_axes_m=[0.6, 0.3], angular_rate_rad_s=2.0}"
+    ellipse = "{kind='flat_ellipse', half_axes_m=[0.6, 0.3], angular_rate_rad_s=10.0}"
     given = [f"reference={ellipse}", "world=unkind", "duration_s=5.0"]
     faults = foreseen(tt.load_scenario("outer_circle", given))
     assert len(faults) > 1
