@@ -233,7 +233,7 @@ def test_footing_has_limits_with_and_without_a_reference(
 
 def test_wheels_may_leave_the_ground_for_a_share_of_the_time() -> None:
     rows = still()
-    rows.tilt_rad[:] = 0.0
+    rows.tilt_rad[:], rows.height_m[:] = 0.0, 0.0
     rows.wheels_on_floor[:] = 2.0
     rows.wheels_on_floor[:51] = 1.0
     assert verdict(rows, airborne_share=51 / 101 + HAIR).name == "followed"
