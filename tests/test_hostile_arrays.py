@@ -138,6 +138,10 @@ def test_an_array_that_a_law_uses_again_is_no_array_of_the_loop() -> None:
         ("return Command(one, no, no, {'a_m': one})", "signal a_m has shape (1, 2)"),
         ("return Command(one, no, no, {5: no * 1.0})", "a signal is called 5"),
         ("return Command(one, no, no, {'a' * 101: no * 1.0})", "a signal is called 'aaa"),
+        ("return Command(one, no, no, {'theta2_rad': no * 1.0})", "no name of another column"),
+        ("return Command(one, no, no, {'theta3_rad': no * 1.0})", "column, of any train"),
+        ("return Command(one, no, no, {'ref_theta99_rate_rad_s': no * 1.0})", "of any train"),
+        ("return Command(one, no, no, {'theta3_aim_rad': no * 1.0})", ""),
         (
             "return Command(one, no, no, dict.fromkeys(map('a{}'.format, range(201)), no + 0.0))",
             f"allowed: {MOST_SIGNALS}",

@@ -86,6 +86,14 @@ def test_every_trailer_has_its_columns(trailers: int, tmp_path: Path) -> None:
         Trajectory.read(tmp_path / "lacking.parquet")
 
 
+def test_a_signal_that_is_called_as_a_trailers_angle_widens_no_train(run: Trajectory) -> None:
+    table = run.to_table()  # as of an older version, which let laws have such names
+    table = table.append_column("theta3_rad", table["tilt_rad"])
+    again = Trajectory.of_table(table, "old.parquet")
+    assert again.q.shape == run.q.shape
+    assert list(again.signals) == [*run.signals, "theta3_rad"]
+
+
 def test_the_physics_rate_table_names_what_it_holds() -> None:
     q, rate, wheels = (shift + np.arange(20.0).reshape(1, 4, 5) for shift in (0.0, 100.0, 200.0))
     table = physics_rate_table(np.arange(4.0), RobotState(q[0], rate[0]), wheels[0, :, :2])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -28,6 +29,7 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
 # arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
 FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
 PIECE_ROWS = 4_096  # written at a time: an hour in one table takes 80 MB
+WIDEST = 2 + 99  # width of q: files of trains may have angles of two digits
 
 
 def q_names(width: int) -> tuple[str, ...]:
@@ -63,6 +65,16 @@ def column_table(width: int) -> dict[str, tuple[str, ...]]:
 def column_names(width: int) -> tuple[str, ...]:
     """Of trajectory.parquet, without the signals."""
     return ("time_s", *chain.from_iterable(column_table(width).values()))
+
+
+def is_column_of_a_train(name: str) -> bool:
+    """Whether the trajectory of any train has such a column, so that no signal may."""
+    return name in _of_all_trains()
+
+
+@cache
+def _of_all_trains() -> frozenset[str]:
+    return frozenset(column_names(WIDEST))
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +188,8 @@ class Trajectory:
                 do not increase.
         """
         names = table.column_names
-        angles = [re.fullmatch(r"theta(\d{1,2})_rad", name) for name in names]
+        # laws of older versions may have a signal that is called theta3_rad
+        angles = [re.fullmatch(r"(?:ref|est)_theta(\d{1,2})_rad", name) for name in names]
         width = 2 + max([2, *(int(angle[1]) for angle in angles if angle)])
         known = column_names(width)
         if missing := [n for n in known if n not in {*names, *FOOTING}]:

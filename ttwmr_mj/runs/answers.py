@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.results.trajectory import is_column_of_a_train
 from ttwmr_mj.state import FloatArray
 
 SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
@@ -23,12 +24,10 @@ class Answers:
     """Checks a law's answers, and that its signals stay the same.
 
     Attributes:
-        taken: names that signals must not have.
         torque_input: whether wheel torques are needed, beside the speeds.
         names: of the signals, as the first answer has them.
     """
 
-    taken: Collection[str] = ()
     torque_input: bool = False
     names: tuple[str, ...] | None = field(default=None, init=False)
 
@@ -75,10 +74,10 @@ class Answers:
     def _refuse_names(self, names: Iterable[Any]) -> None:
         for name in names:
             named = isinstance(name, str) and SIGNAL_NAME.fullmatch(name)
-            if not named or name in self.taken:
+            if not named or is_column_of_a_train(name):
                 raise ValueError(
                     f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
-                    "with the unit at the end, and no name of another column"
+                    "with the unit at the end, and no name of another column, of any train"
                 )
 
 

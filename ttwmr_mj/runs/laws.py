@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Container
+from collections.abc import Container
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -54,7 +54,6 @@ class Laws:
         parts: list[Part],
         nsim: int,
         limits_s: tuple[float, float],
-        taken: Collection[str] = (),
         *,
         torque_input: bool = False,
     ) -> None:
@@ -65,12 +64,11 @@ class Laws:
             nsim: simulations.
             limits_s: CPU time of a start and of an answer, for one simulation; a batch asks for
                 many at once.
-            taken: names that signals must not have.
             torque_input: whether wheel torques are needed, beside the speeds.
         """
         self._parts, self._nsim = parts, nsim
         self._start_limit_s, self._limit_s = limits_s
-        self._answers = Answers(taken, torque_input)
+        self._answers = Answers(torque_input)
         self.deadline = Deadline(self._limit_s)
         self._process = os.getpid()
 

@@ -16,7 +16,7 @@ from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.results.trajectory import Trajectory, column_names
+from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.actuation import Actuation
 from ttwmr_mj.runs.laws import Laws, Part
@@ -127,13 +127,12 @@ class Simulations:
         plant.reset(initial or self._initial())
         rows = self._blank_rows(drawable=drawable)
         limits_s = control.controller_start_limit_s, control.controller_time_limit_s
-        taken = column_names(rows.q.shape[-1])
         commands = [build.generator(seed, "commands", draw) for seed, draw in self._seeds]
         loop = Loop(
             one,
             plant,
             self.sensor,
-            Laws(self._parts(), self.nsim, limits_s, taken, torque_input=control.torque_input),
+            Laws(self._parts(), self.nsim, limits_s, torque_input=control.torque_input),
             rows,
             report,
             Actuation(control, one.steps_per_period, commands),
