@@ -13,10 +13,13 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import pytest
+from test_hostile_arrays import Still
 
-from ttwmr_mj.deadline import Deadline, Overrun
+from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.deadline import Deadline, Overrun, limited
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.sensing import Estimate
 
 SCENARIO = """
 name = "mine"
@@ -140,4 +143,55 @@ def test_the_alarm_is_given_back() -> None:
         signal.raise_signal(signal.SIGALRM)
         assert rung == [1]
     finally:
+        signal.signal(signal.SIGALRM, before)
+
+
+class Nested(Still):
+    """Runs a simulation within its third sample, and never answers it."""
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        if k == 3:
+            assert experiment("Away").run().outcomes[0].status == "ok"
+        while k == 3:
+            pass
+        return super().command(k, estimate)
+
+
+def test_a_law_that_simulates_is_broken_off_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    board = memoryview(bytearray(16)).cast("d")
+    monkeypatch.setattr("ttwmr_mj.deadline._board", board)
+    scenario = experiment("Away").scenario
+    assert (
+        "timed out after 0.2 s"
+        in Experiment(scenario, controller=Nested()).run().outcomes[0].reason
+    )
+    assert board[0] == 0.0
+
+
+def test_the_limit_of_a_body_is_shown_again_after_one_within_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    board = memoryview(bytearray(16)).cast("d")
+    monkeypatch.setattr("ttwmr_mj.deadline._board", board)
+    with limited(60.0):
+        with limited(30.0):
+            assert board[0] == 30.0
+        assert board[0] == 60.0
+        assert 30.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 60.0
+    assert board[0] == signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
+@pytest.mark.parametrize("left_s", [60.0, 0.1])  # it would ring much later, or while a law drives
+def test_a_timer_of_the_scripts_own_is_given_back(left_s: float) -> None:
+    rung, one = threading.Event(), experiment("Slow", nsim=3)
+    before = signal.signal(signal.SIGALRM, lambda *_: rung.set())
+    try:
+        signal.setitimer(signal.ITIMER_REAL, left_s, 50.0)
+        one.run()
+        if left_s < 1.0:
+            assert rung.wait(60.0)
+        assert 0.0 < signal.getitimer(signal.ITIMER_REAL)[0] < 60.0
+        assert signal.getitimer(signal.ITIMER_REAL)[1] == 50.0
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)

@@ -5,6 +5,7 @@ Code that waits without computing has many times as long, counted in timer signa
 one while the process is stopped or gets no processor.
 """
 
+import math
 import signal
 import threading
 from collections.abc import Iterator
@@ -15,6 +16,7 @@ from typing import Any, Self
 
 from ttwmr_mj.errors import Overrun, described
 
+MOMENT_S = 1e-6  # the least that a timer is set to: zero stops it
 AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
 PATIENCE = 15.0  # limits that may pass waiting
 
@@ -35,6 +37,9 @@ class Deadline:
     the body off wherever its Python code is, an endless loop included. Elsewhere the time is looked
     at when the body returns, and compiled code is not broken off until it returns to Python.
 
+    There is one such timer. Who used it before, a script or the deadline of a body around this one,
+    has it back from `disarm` on, which is when it rings at the earliest.
+
     Args:
         limit_s: allowed CPU time of one body, in its thread; and PATIENCE times as much waiting.
     """
@@ -43,23 +48,32 @@ class Deadline:
         self.limit_s = limit_s
         self._timed = False
         self._before: Any = None
+        self._due_s = self._interval_s = 0.0  # of the timer that was there; never: inf
+        self._outer_limit_s = 0.0
         self._running = False
         self._rings = 0
         self._began_s = self._began_cpu_s = 0.0
 
     def arm(self) -> None:
-        """Take the alarm signal, until `disarm`."""
+        """Take the alarm signal and its timer, until `disarm`."""
         main = threading.current_thread() is threading.main_thread()
         if main and hasattr(signal, "setitimer"):
+            left_s, self._interval_s = signal.setitimer(signal.ITIMER_REAL, 0.0)
+            self._due_s = perf_counter() + left_s if left_s else math.inf
+            self._outer_limit_s = _board[0]
             self._before = signal.signal(signal.SIGALRM, self._ring) or signal.SIG_DFL
             self._timed = True
 
     def disarm(self) -> None:
-        """Give the alarm signal back."""
+        """Give them back."""
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._before)
             self._timed = False
+            _board[0] = self._outer_limit_s
+            if self._due_s < math.inf:
+                left_s = max(self._due_s - perf_counter(), MOMENT_S)
+                signal.setitimer(signal.ITIMER_REAL, left_s, self._interval_s)
 
     def __enter__(self) -> Self:
         self._began_s, self._began_cpu_s = perf_counter(), thread_time()
