@@ -40,14 +40,70 @@ def test_numbers_and_folders_of_other_kinds_are_taken(tmp_path: Path) -> None:
         tt.load_scenario(tmp_path / "none.toml")
 
 
+def test_what_is_as_good_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "idle.py").write_text(IDLE)
+    law = 'controller={kind="custom", target="idle:Idle"}'
+    own = tt.load_scenario("lab_circle", ["duration_s=0.1", law])
+    assert tt.run_batch(iter([own]), str(tmp_path))[0].outcomes[0].status == "ok"
+    assert len(tt.run_batch({1: SHORT, 2: SHORT}.values())) == 2
+    tt.compare(own, scenario_folder=str(tmp_path))
+    TRAJECTORY.write(str(tmp_path / "rows.parquet"))
+    assert len(tt.Trajectory.read(str(tmp_path / "rows.parquet"))) == len(TRAJECTORY)
+    (tmp_path / "fragment.toml").write_text("seed = 7")
+    assert tt.load_scenario("lab_circle", fragment=str(tmp_path / "fragment.toml")).seed == 7
+
+
+IDLE = """
+import ttwmr_mj as tt
+
+class Idle(tt.Controller):
+    def start(self, task):
+        pass
+
+    def command(self, k, estimate):
+        return self.plain([[0.0, 0.0]])
+"""
+
+
+def test_numbers_of_numpy_are_as_good_in_a_scenario() -> None:
+    assert tt.load_scenario("lab_circle", seed=np.int64(3)).seed == 3  # type: ignore[arg-type]
+    points = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)]
+    data: dict[str, Any] = {
+        "name": "mine",
+        "duration_s": 1.0,
+        "seed": 2,
+        "reference": {"kind": "waypoints", "points_m": points, "speed_m_s": 0.5},
+        "controller": {"kind": "feedforward"},
+    }
+    same = data | {"duration_s": np.float32(1.0), "seed": np.int32(2)}
+    same["reference"] = data["reference"] | {"points_m": np.array(points)}
+    assert tt.check_scenario(same, "mine") == tt.check_scenario(data, "mine")
+
+
+def within_itself() -> dict[str, Any]:
+    data: dict[str, Any] = {}
+    data["robot"] = [data]
+    return data
+
+
 TRAJECTORY = tt.simulate(SHORT).trajectory
+TRAIN = tt.load_scenario("double_inverted", ["duration_s=0.1", "plant.kind=analytic"])
 
 
 @pytest.mark.parametrize(
     ("call", "told"),
     [
         (lambda: tt.run_batch(["lab_circle"]), r"scenarios\[0\]: got 'lab_circle'"),
-        (lambda: tt.run_batch(SHORT), "scenarios: got .*; allowed: Sequence; a list of them"),
+        (lambda: tt.run_batch(SHORT), "scenarios: got .*; allowed: list; of what load_scenario"),
+        (lambda: tt.run_batch("lab_circle"), "scenarios: got 'lab_circle'; allowed: list"),
+        (lambda: tt.run_batch([SHORT], 5), "folder: got 5; allowed: str or Path"),
+        (lambda: tt.run_batch([SHORT], nthread=-1), "nthread: got -1; allowed: 0 to 1,024"),
+        (lambda: tt.run_batch([SHORT], nthread="2"), "nthread: got '2'"),
+        (lambda: tt.simulate(SHORT, scenario_folder=5), "scenario_folder: got 5"),
+        (lambda: tt.run(SHORT, 5), "out: got 5; allowed: str or Path"),
+        (lambda: tt.run(SHORT, "a\0"), r"out: got 'a\\x00'; no file has such a name"),
+        (lambda: tt.run(SHORT, "out", force="no"), "force: got 'no'; allowed: bool"),
+        (lambda: tt.compare(SHORT, scenario_folder=5), "scenario_folder: got 5"),
         (lambda: tt.compare("lab_circle"), "scenario: got 'lab_circle'"),
         (lambda: tt.compare(SHORT, "open"), "mode: got 'open'; allowed: open_loop, closed_loop"),
         (lambda: tt.compare(SHORT, "closed_loop", real_wheels=True), 'with mode "open_loop" only'),
@@ -56,6 +112,36 @@ TRAJECTORY = tt.simulate(SHORT).trajectory
         (lambda: tt.judge("run", SHORT.robot), "trajectory: got 'run'"),
         (lambda: tt.judge(TRAJECTORY, SHORT), "robot: got .*; allowed: RobotParameters"),
         (lambda: tt.judge(TRAJECTORY, SHORT.robot, status="fine"), "status: got 'fine'; .*failed"),
+        (
+            lambda: tt.judge(TRAJECTORY, SHORT.robot, accept={}),
+            "accept: got a table; .*in scenario",
+        ),
+        (
+            lambda: tt.score(TRAJECTORY, TRAIN.robot),
+            "robot: got a robot with 2 trailers; .* with 1;",
+        ),
+        (
+            lambda: tt.judge(tt.simulate(TRAIN).trajectory, SHORT.robot),
+            "with 1 trailer; .* with 2;",
+        ),
+        (lambda: tt.score(TRAJECTORY.rows(0, 0), SHORT.robot), "trajectory: got no rows"),
+        (lambda: tt.judge(TRAJECTORY.rows(0, 0), SHORT.robot), "trajectory: got no rows"),
+        (lambda: TRAJECTORY.simulation(1.0), "simulation: got 1.0; .* has 1 .*; allowed: 0 to 0"),
+        (lambda: TRAJECTORY.to_table("0"), "simulation: got '0'"),
+        (lambda: TRAJECTORY.write(5), "path: got 5; allowed: str or Path"),
+        (lambda: tt.Trajectory.read(None), "path: got None; allowed: str or Path"),
+        (lambda: tt.Trajectory.read("s3:/x"), "cannot be read as a trajectory: .*No such file"),
+        (
+            lambda: tt.load_scenario("lab_circle", [1]),
+            r"overrides\[0\]: got 1; allowed: str; as in",
+        ),
+        (
+            lambda: tt.load_scenario("lab_circle", fragment={}),
+            "fragment: got a table; allowed: str",
+        ),
+        (lambda: tt.check_scenario([], "mine"), r"data: got \[\]; allowed: dict"),
+        (lambda: tt.check_scenario({}, None), "source: got None; allowed: str"),
+        (lambda: tt.check_scenario(within_itself(), "mine"), "data: tables and lists more than 32"),
         (lambda: tt.load_scenario(5), "name_or_path: got 5; allowed: str or Path"),
         (lambda: tt.load_scenario("lab_circle", "seed=7"), r"overrides: .*; as in \["),
         (lambda: tt.check_scenario("lab_circle", "mine"), "data: got 'lab_circle'; allowed: dict"),

@@ -171,7 +171,7 @@ def test_signals_of_the_law_get_a_figure(run: Trajectory, logged: Logged) -> Non
 
 def test_several_simulations_are_refused(run: Trajectory, tmp_path: Path) -> None:
     two = Trajectory.empty(run.time_s, nsim=2)
-    with pytest.raises(InputError, match="simulation: got none; the trajectory has 2 simulations"):
+    with pytest.raises(InputError, match="simulation: got None; the trajectory has 2 simulations"):
         write_run_figures(two, ROBOT, tmp_path, "circle")
     assert not list(tmp_path.iterdir())
 

@@ -112,7 +112,7 @@ def test_rows_of_several_simulations_are_refused(tmp_path: Path) -> None:
     rows = Trajectory.empty(PERIOD_S * np.arange(3), nsim=2)
     with (
         recorder(tmp_path / "run.rrd", None) as recording,
-        pytest.raises(InputError, match=r"simulation: got none; the trajectory has 2 simulations"),
+        pytest.raises(InputError, match=r"simulation: got None; the trajectory has 2 simulations"),
     ):
         recording.append(rows)
 

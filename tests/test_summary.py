@@ -124,6 +124,6 @@ def test_long_titles_are_wrapped(tmp_path: Path) -> None:
 
 def test_several_simulations_are_refused(tmp_path: Path) -> None:
     two = Trajectory.empty(circle_run().time_s, nsim=2)
-    with pytest.raises(InputError, match="simulation: got none"):
+    with pytest.raises(InputError, match="simulation: got None"):
         write_summary(two, ROBOT, tmp_path, ["two"])
     assert not list(tmp_path.iterdir())

@@ -1,10 +1,10 @@
 """What a script or a notebook calls: simulate, run, compare. The package's root offers them."""
 
-from numbers import Integral
 from pathlib import Path
 
 from ttwmr_mj.controllers.base import Controller
-from ttwmr_mj.errors import InputError, require
+from ttwmr_mj.errors import require, require_whole
+from ttwmr_mj.files import named
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.folder import results_folder
@@ -29,7 +29,9 @@ def simulate(
 
     Args:
         scenario: what to run.
-        nsim: simulations in the batch; they differ by their sensors' noise only.
+        nsim: simulations in the batch; the first is as if alone, the others differ from it by what
+            the scenario leaves to chance: noise, latency and losses of sensing, jitter and losses
+            of commands, directions and times of pushes.
         controller: a law of your own, which drives instead of the scenario's.
         scenario_folder: where a custom controller is looked for first; None: here.
 
@@ -37,8 +39,7 @@ def simulate(
         InputError: the scenario cannot be built.
     """
     require_scenario(scenario)
-    if not isinstance(nsim, Integral) or not 1 <= nsim <= MOST_SIMULATIONS:
-        raise InputError.at("nsim", got=repr(nsim), allowed=f"1 to {MOST_SIMULATIONS:,}")
+    nsim = require_whole("nsim", nsim, 1, MOST_SIMULATIONS)
     require(Controller | None, "controller", controller, hint="give an instance of it")
     return Experiment(scenario, _folder(scenario_folder), nsim, controller).run()
 
@@ -62,10 +63,11 @@ def run(
         InputError: the scenario cannot be built, or the folder is not empty or in use.
     """
     require_scenario(scenario)
-    folder = results_folder(scenario.name, scenario.seed) if out is None else Path(out)
+    require(bool, "force", force)
+    folder = results_folder(scenario.name, scenario.seed) if out is None else named("out", out)
     with new_folder(folder, force):
         return run_scenario(scenario, folder, scenario_folder=_folder(scenario_folder))
 
 
 def _folder(given: Path | str | None) -> Path | None:
-    return None if given is None else Path(given)
+    return None if given is None else named("scenario_folder", given)

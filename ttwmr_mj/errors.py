@@ -7,6 +7,7 @@ import os
 import re
 import unicodedata
 from dataclasses import dataclass, replace
+from numbers import Integral
 from types import UnionType
 from typing import Any, get_args
 
@@ -210,3 +211,14 @@ def require(kind: type | UnionType, where: str, given: object, hint: str = "") -
         names = [one.__name__ for one in get_args(kind) or (kind,)]
         allowed = " or ".join(names).replace("NoneType", "None")
         raise InputError.at(where, got=shown(given), allowed=allowed, hint=hint)
+
+
+def require_whole(where: str, given: object, least: int, most: int, problem: str = "") -> int:
+    """A whole number that a script gives, NumPy's too.
+
+    Raises:
+        InputError: it is none, or out of these bounds.
+    """
+    if not isinstance(given, Integral) or not least <= int(given) <= most:
+        raise InputError.at(where, problem, got=shown(given), allowed=f"{least} to {most:,}")
+    return int(given)

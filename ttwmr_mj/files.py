@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
-from ttwmr_mj.errors import Fault, InputError, MachineError
+from ttwmr_mj.errors import Fault, InputError, MachineError, require, shown
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -171,6 +171,18 @@ def _lasting(path: Path) -> Iterator[bool]:
         yield True
     finally:
         os.close(reader)
+
+
+def named(where: str, given: Path | str) -> Path:
+    """A file or folder that a script names.
+
+    Raises:
+        InputError: it is no name.
+    """
+    require(str | Path, where, given)
+    if "\0" in str(given):
+        raise InputError.at(where, "no file has such a name", got=shown(given))
+    return Path(given)
 
 
 def remove(path: Path) -> None:

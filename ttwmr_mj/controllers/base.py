@@ -97,7 +97,7 @@ class Controller(ABC):
         wheel_speed_rad_s: FloatArray, signals: Mapping[str, FloatArray] | None = None
     ) -> Command:
         """A command without flags, for laws that speak in wheel speeds themselves."""
-        clear = np.zeros(wheel_speed_rad_s.shape[0], dtype=np.bool_)
+        clear = np.zeros(len(wheel_speed_rad_s), dtype=np.bool_)
         return Command(wheel_speed_rad_s, clear, clear, signals or {})
 
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ttwmr_mj.dynamics.flatness import trailer_point
+from ttwmr_mj.errors import InputError, require
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap
@@ -22,6 +23,29 @@ def centre_of_oscillation(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """(..., 2) F of the last trailer, K behind its hitch on the line through its COM [m]."""
     last = robot.trailers[-1]
     return trailer_point(q, robot, last.swing_length_m, last.lean_rad)
+
+
+def require_run(trajectory: object, robot: object) -> None:
+    """Refuse what is no trajectory of that robot; a script may have taken another scenario's.
+
+    Raises:
+        InputError: it is none, or of another number of trailers.
+    """
+    require(Trajectory, "trajectory", trajectory)
+    require(RobotParameters, "robot", robot)
+    assert isinstance(trajectory, Trajectory)
+    assert isinstance(robot, RobotParameters)
+    driven, given = trajectory.q.shape[-1] - 3, len(robot.trailers)
+    if driven != given:
+        problem = f"the trajectory is of a robot with {driven}"
+        got = f"a robot with {given} trailer{'s'[: given > 1]}"
+        raise InputError.at("robot", problem, got=got, hint="give the robot of its scenario")
+
+
+def require_rows(trajectory: Trajectory) -> None:
+    """Refuse a trajectory of no rows, of which nothing can be said."""
+    if not len(trajectory):
+        raise InputError.at("trajectory", got="no rows", allowed="one or more")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.errors import require
 from ttwmr_mj.results.accept import SLIPPING_M_S
-from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.curves import Curves, require_rows, require_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
@@ -237,9 +236,12 @@ def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]
 
     Undefined are: errors against a reference that does not exist, settling that never happens, and
     everything of a run without a single finite row.
+
+    Raises:
+        InputError: the trajectory has no rows, or is of a robot with more or fewer trailers.
     """
-    require(Trajectory, "trajectory", trajectory)
-    require(RobotParameters, "robot", robot)
+    require_run(trajectory, robot)
+    require_rows(trajectory)
     return tuple(_score(trajectory.simulation(i), robot) for i in range(trajectory.nsim))
 
 

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, MachineError, of_system
-from ttwmr_mj.files import no_device, write_parquet
+from ttwmr_mj.errors import InputError, MachineError, of_system, require_whole
+from ttwmr_mj.files import named, no_device, write_parquet
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -158,7 +158,7 @@ class Trajectory:
             self.signals[name] = _blank(len(self), self.nsim)
 
     @classmethod
-    def read(cls, path: Path) -> Trajectory:
+    def read(cls, path: Path | str) -> Trajectory:
         """Read a trajectory.parquet, as a batch of one.
 
         Raises:
@@ -167,9 +167,11 @@ class Trajectory:
         import pyarrow as pa
         import pyarrow.parquet as pq
 
+        path = named("path", path)
         try:
             no_device(path)
-            table = pq.read_table(path)
+            with path.open("rb") as file:  # by its name alone, s3:/x would be looked up elsewhere
+                table = pq.read_table(file)
         except (OSError, ValueError, pa.ArrowException) as error:
             reason = of_system(error) if isinstance(error, OSError) else str(error).splitlines()[0]
             raise InputError(f"cannot be read as a trajectory: {reason}", file=str(path)) from error
@@ -227,12 +229,10 @@ class Trajectory:
         Raises:
             InputError: there is no such simulation, or there are several and none is named.
         """
-        index = 0 if index is None and self.nsim == 1 else index
-        if index is None or not 0 <= index < self.nsim:
-            problem = f"the trajectory has {self.nsim} simulations"
-            got, allowed = "none" if index is None else str(index), f"0 to {self.nsim - 1}"
-            raise InputError.at("simulation", problem, got=got, allowed=allowed)
-        return self._part(np.s_[:, index : index + 1])
+        problem = f"the trajectory has {self.nsim} simulations"
+        given = 0 if index is None and self.nsim == 1 else index
+        one = require_whole("simulation", given, 0, self.nsim - 1, problem)
+        return self._part(np.s_[:, one : one + 1])
 
     def _part(self, part: Any) -> Trajectory:
         """Views of a part of every array, signals included, but of the times."""
@@ -260,9 +260,9 @@ class Trajectory:
         """One simulation as an Arrow table; arguments and errors as `to_columns`."""
         return _table(self.to_columns(simulation))
 
-    def write(self, path: Path, simulation: int | None = None) -> None:
+    def write(self, path: Path | str, simulation: int | None = None) -> None:
         """One simulation as Parquet; arguments and errors as `to_columns`."""
-        one = self.simulation(simulation)
+        path, one = named("path", path), self.simulation(simulation)
         starts = range(0, max(len(one), 1), PIECE_ROWS)
         write_parquet((one.rows(k, k + PIECE_ROWS).to_table() for k in starts), path)
 

@@ -20,7 +20,7 @@ import numpy as np
 from ttwmr_mj.errors import InputError, require, shown
 from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
-from ttwmr_mj.results.curves import Curves
+from ttwmr_mj.results.curves import Curves, require_rows, require_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -127,15 +127,21 @@ def judge(
         reason: why, if it broke off.
         accept: the limits; None: the defaults.
         demands: what the reference asks of that robot; None: not looked at.
+
+    Raises:
+        InputError: the trajectory has several simulations or no rows, or is of a robot with more or
+            fewer trailers.
     """
-    require(Trajectory, "trajectory", trajectory)
-    require(RobotParameters, "robot", robot)
+    require_run(trajectory, robot)
+    require(AcceptOptions | None, "accept", accept, hint="as in scenario.accept")
+    require(Feasibility | None, "demands", demands)
     if status != "ok":
         name = next((known for known in VERDICTS if known == status), None)
         if name is None:
             allowed = f"ok, {', '.join(VERDICTS)}"
             raise InputError.at("status", got=shown(status), allowed=allowed)
         return Verdict(name, None, None, reason)
+    require_rows(trajectory)
     accept = accept or AcceptOptions()
     rows = trajectory.simulation()
     if (fallen := _footing(rows, accept)) is not None:

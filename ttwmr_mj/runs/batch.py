@@ -1,19 +1,22 @@
 """Many different scenarios at a time, each with the result that it has alone."""
 
 from collections import defaultdict
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ttwmr_mj.config import batch_shape
-from ttwmr_mj.errors import require
+from ttwmr_mj.errors import require, require_whole
+from ttwmr_mj.files import named
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.loop import Loop
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
+
+MOST_THREADS = 1024
 
 
 def batch_key(scenario: Scenario) -> Hashable:
@@ -40,7 +43,7 @@ def batch_key(scenario: Scenario) -> Hashable:
 
 
 def run_batch(
-    scenarios: Sequence[Scenario], folder: Path | None = None, nthread: int = 0
+    scenarios: Iterable[Scenario], folder: Path | str | None = None, nthread: int = 0
 ) -> list[Result]:
     """Run scenarios, those that can share a batch in one.
 
@@ -59,7 +62,11 @@ def run_batch(
         InputError: one of them cannot be built, or its law cannot start.
         KeyboardInterrupt: nothing is left of a batch that was interrupted.
     """
-    require(Sequence, "scenarios", scenarios, hint="a list of them")
+    if isinstance(scenarios, Iterable) and not isinstance(scenarios, str | Scenario):
+        scenarios = [*scenarios]
+    require(list, "scenarios", scenarios, hint="of what load_scenario gives")
+    beside = Path() if folder is None else named("folder", folder)
+    nthread = require_whole("nthread", nthread, 0, MOST_THREADS)
     for i, scenario in enumerate(scenarios):
         require_scenario(scenario, f"scenarios[{i}]")
     who = defaultdict[Hashable, list[int]](list)
@@ -68,7 +75,7 @@ def run_batch(
     results: dict[int, Result] = {}
     for group in who.values():
         together = [scenarios[i] for i in group]
-        results |= zip(group, _run_together(together, folder or Path(), nthread), strict=True)
+        results |= zip(group, _run_together(together, beside, nthread), strict=True)
     return [results[i] for i in range(len(scenarios))]
 
 

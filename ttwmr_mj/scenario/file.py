@@ -6,13 +6,21 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
 
+import numpy as np
 import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys, require
-from ttwmr_mj.files import is_file, parse_toml, read_toml, require_none_but_files
+from ttwmr_mj.files import (
+    MOST_LEVELS,
+    is_file,
+    named,
+    parse_toml,
+    read_toml,
+    require_none_but_files,
+)
 from ttwmr_mj.robot import merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
@@ -55,7 +63,7 @@ def load_scenario(
     name_or_path: str | Path,
     overrides: Sequence[str] | None = None,
     seed: int | None = None,
-    fragment: Path | None = None,
+    fragment: Path | str | None = None,
 ) -> Scenario:
     """Read a scenario, merge a fragment into it, apply overrides, check all of it.
 
@@ -70,10 +78,13 @@ def load_scenario(
     """
     require(str | Path, "name_or_path", name_or_path)
     require(list | tuple | None, "overrides", overrides, hint='as in ["seed=7"]')
+    for i, override in enumerate(overrides or []):
+        require(str, f"overrides[{i}]", override, hint='as in "seed=7"')
     path = find_scenario(str(name_or_path))
     data, source = read_scenario(path), str(path)
     if fragment is not None:
-        data, source = merged(data, read_scenario(fragment)), f"{path} with {fragment}"
+        other = read_scenario(named("fragment", fragment))
+        data, source = merged(data, other), f"{path} with {fragment}"
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
@@ -95,11 +106,11 @@ def read_scenario(path: Path) -> dict[str, Any]:
     return read_toml(path)
 
 
-def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> Scenario:
+def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path()) -> Scenario:
     """Validate a scenario given as plain data.
 
     Args:
-        data: what the TOML file holds.
+        data: what the TOML file holds; numbers and arrays of NumPy are as good as Python's.
         source: how to name it in messages.
         folder: where relative paths in it start from.
 
@@ -107,7 +118,8 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
         InputError: with every fault in one message.
     """
     require(dict, "data", data)
-    context = {"folder": folder}
+    require(str, "source", source)
+    data, context = _plain(data), {"folder": named("folder", folder)}
     try:
         scenario, faults = Scenario.model_validate(data, context=context), []
         gone: list[Keys] = []
@@ -120,6 +132,24 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path = Path()) -> 
     if faults:
         raise InputError(*faults, file=source)
     return scenario
+
+
+def _plain(value: Any, level: int = 0) -> Any:
+    """The same data in values that a TOML file may hold.
+
+    Raises:
+        InputError: its tables and lists are within each other too deep, or in themselves.
+    """
+    if level > MOST_LEVELS:
+        raise InputError.at("data", f"tables and lists more than {MOST_LEVELS} deep")
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, dict):
+        return {key: _plain(item, level + 1) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        items = [_plain(item, level + 1) for item in value]
+        return items if isinstance(value, list) else tuple(items)
+    return value
 
 
 def _sound_part(

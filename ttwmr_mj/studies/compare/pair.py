@@ -7,7 +7,8 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError, shown
+from ttwmr_mj.errors import Fault, InputError, require, shown
+from ttwmr_mj.files import named
 from ttwmr_mj.plants.names import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
@@ -61,7 +62,7 @@ def run_pair(
     mode: Mode = "open_loop",
     *,
     real_wheels: bool = False,
-    scenario_folder: Path | None = None,
+    scenario_folder: Path | str | None = None,
     watch: Watch | None = None,
     pace: Pace | None = None,
 ) -> Pair:
@@ -88,10 +89,12 @@ def run_pair(
         raise InputError.at("real_wheels", got="True", allowed='with mode "open_loop" only')
     if real_wheels and scenario.plant.analytic.extended is not None:
         raise InputError.at("real_wheels", "drives the model without plant.analytic.extended")
+    require(bool, "real_wheels", real_wheels)
+    folder = None if scenario_folder is None else named("scenario_folder", scenario_folder)
     refuse_unlike(scenario)
-    closed = motion.run_analytic(scenario, scenario_folder) if mode == "closed_loop" else None
+    closed = motion.run_analytic(scenario, folder) if mode == "closed_loop" else None
     report = watch and _both(scenario, closed, watch)
-    contact = motion.run_contact(scenario, scenario_folder, watch=report, pace=pace)
+    contact = motion.run_contact(scenario, folder, watch=report, pace=pace)
     if closed is not None:
         analytic = closed
     elif real_wheels:
