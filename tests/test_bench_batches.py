@@ -217,7 +217,7 @@ def children_of(caller: int) -> set[int]:
 
 def test_a_second_bench_on_the_folder_is_refused(folder: Path) -> None:
     suite = load_suite(str(folder / "suite.toml"))
-    with locked(folder / "out"), pytest.raises(InputError, match="another process fills"):
+    with locked(folder / "out"), pytest.raises(InputError, match="this process fills"):
         run_suite(suite, folder / "out", workers=1)
     assert not (folder / "out" / "runs").exists()
 

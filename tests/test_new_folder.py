@@ -143,7 +143,7 @@ def test_a_folder_in_use_is_refused_and_left_alone(
     command = [*words, "lab_circle", "--out", str(tmp_path), "--force"]
     with locked(tmp_path):
         assert main(command) == 2
-    assert "another process fills this folder" in capsys.readouterr().err
+    assert "this process fills this folder already" in capsys.readouterr().err
     assert files(tmp_path) == before
 
 

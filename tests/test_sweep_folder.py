@@ -137,7 +137,7 @@ def test_rows_that_two_processes_computed_count_once(plan: Plan, tmp_path: Path)
 def test_a_folder_is_filled_by_one_process_at_a_time(plan: Plan, tmp_path: Path) -> None:
     write_plan(tmp_path / "out", plan)
     with locked(tmp_path / "out"):
-        with pytest.raises(InputError, match=r"another process fills this folder: process [0-9]+"):
+        with pytest.raises(InputError, match="this process fills this folder already"):
             fill(plan, tmp_path / "out", told)
         fill(plan, tmp_path / "out", told, part=Part(1, 2))  # its own rows
     assert fill(plan, tmp_path / "out", told)

@@ -1,4 +1,4 @@
-"""One process at a time fills a folder, or a part of it; the lock ends with the process."""
+"""One at a time fills a folder, or a part of it; the lock ends with its process."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
         key: what named the folder, for the error.
 
     Raises:
-        InputError: another process holds it; the message says which.
+        InputError: another process or thread holds it; the message says which.
     """
     path = folder / (f"{NAME}-{part}" if part else NAME)
     file = _taken(path, key)
@@ -37,11 +37,15 @@ def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
         try:
             with suppress(OSError):  # a full disk holds the lock all the same
                 file.truncate(0)
-                file.write(f"process {os.getpid()} on {socket.gethostname()}\n".encode())
+                file.write(f"{_this_process()}\n".encode())
             yield
         finally:
             with suppress(OSError):
                 path.unlink()  # while it is held: see `_is_at`
+
+
+def _this_process() -> str:
+    return f"process {os.getpid()} on {socket.gethostname()}"
 
 
 def _taken(path: Path, key: str) -> IO[bytes] | None:
@@ -58,8 +62,10 @@ def _taken(path: Path, key: str) -> IO[bytes] | None:
             with file:
                 file.seek(0)
                 holder = file.read().decode(errors="replace").strip()
-            hint = "wait for it, or give each process its own folder"
-            problem = f"another process fills this folder: {holder}"
+            other = f"another process fills this folder: {holder}"
+            here = "this process fills this folder already"
+            problem = here if holder == _this_process() else other
+            hint = "wait for it, or give each its own folder"
             raise InputError.at(key, problem, got=str(path.parent), hint=hint) from error
         except OSError:  # a file system without locks
             file.close()
