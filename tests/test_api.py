@@ -80,6 +80,27 @@ def test_numbers_of_numpy_are_as_good_in_a_scenario() -> None:
     assert tt.check_scenario(same, "mine") == tt.check_scenario(data, "mine")
 
 
+PUSH = "{start_s=0.1, duration_s=0.1, force_n=[3, 0], random_direction=true}"
+
+
+@pytest.mark.parametrize(
+    "chance",
+    [
+        "sensing.position_noise_m=0.01",
+        "sensing.latency_jitter_s=0.066",
+        "sensing.drop_probability=0.5",
+        "control.command_jitter_s=0.099",
+        "control.command_drop_probability=0.5",
+        f"plant.pushes=[{PUSH}]",
+    ],
+)
+def test_simulations_of_a_batch_differ_by_what_is_left_to_chance(chance: str) -> None:
+    scenario = tt.load_scenario("lab_circle", ["duration_s=0.5", chance])
+    first, second = np.moveaxis(tt.simulate(scenario, 2).trajectory.q, 1, 0)
+    np.testing.assert_array_equal(first, tt.simulate(scenario).trajectory.q[:, 0])
+    assert not np.array_equal(first, second)
+
+
 def within_itself() -> dict[str, Any]:
     data: dict[str, Any] = {}
     data["robot"] = [data]
