@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -107,6 +108,12 @@ def within_itself() -> dict[str, Any]:
     return data
 
 
+def torn() -> tt.Trajectory:
+    q = TRAJECTORY.q.copy()
+    q[1] = np.nan
+    return replace(TRAJECTORY, q=q)
+
+
 TRAJECTORY = tt.simulate(SHORT).trajectory
 TRAIN = tt.load_scenario("double_inverted", ["duration_s=0.1", "plant.kind=analytic"])
 
@@ -147,6 +154,10 @@ TRAIN = tt.load_scenario("double_inverted", ["duration_s=0.1", "plant.kind=analy
         ),
         (lambda: tt.score(TRAJECTORY.rows(0, 0), SHORT.robot), "trajectory: got no rows"),
         (lambda: tt.judge(TRAJECTORY.rows(0, 0), SHORT.robot), "trajectory: got no rows"),
+        (
+            lambda: tt.judge(torn(), SHORT.robot),
+            "trajectory: q is not finite at 0.033 s; give .*stat",
+        ),
         (lambda: TRAJECTORY.simulation(1.0), "simulation: got 1.0; .* has 1 .*; allowed: 0 to 0"),
         (lambda: TRAJECTORY.to_table("0"), "simulation: got '0'"),
         (lambda: TRAJECTORY.write(5), "path: got 5; allowed: str or Path"),
@@ -162,7 +173,10 @@ TRAIN = tt.load_scenario("double_inverted", ["duration_s=0.1", "plant.kind=analy
         ),
         (lambda: tt.check_scenario([], "mine"), r"data: got \[\]; allowed: dict"),
         (lambda: tt.check_scenario({}, None), "source: got None; allowed: str"),
-        (lambda: tt.check_scenario(within_itself(), "mine"), "data: tables and lists more than 32"),
+        (
+            lambda: tt.check_scenario(within_itself(), "mine"),
+            "mine: tables and lists .* more than 32",
+        ),
         (lambda: tt.load_scenario(5), "name_or_path: got 5; allowed: str or Path"),
         (lambda: tt.load_scenario("lab_circle", "seed=7"), r"overrides: .*; as in \["),
         (lambda: tt.check_scenario("lab_circle", "mine"), "data: got 'lab_circle'; allowed: dict"),

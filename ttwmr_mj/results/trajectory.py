@@ -98,8 +98,8 @@ class Trajectory:
         near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
         tilt_rad, height_m, wheels_on_floor, wheel_slip_m_s: (n, nsim) as of `plants.footing`.
         joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.
-        contact_readings: (n, nsim, 5, 15) contact sensors, read by `plants.contact_readings`;
-            no contacts (n, nsim, 0, 15) on the analytic plant.
+        contact_readings: (n, nsim, 3 + 2·trailers, 15) contact sensors, read by
+            `plants.contact_readings`; no contacts (n, nsim, 0, 15) on the analytic plant.
         signals: name with unit → (n, nsim) what the law logs beside its commands.
     """
 

@@ -129,8 +129,8 @@ def judge(
         demands: what the reference asks of that robot; None: not looked at.
 
     Raises:
-        InputError: the trajectory has several simulations or no rows, or is of a robot with more or
-            fewer trailers.
+        InputError: the trajectory has several simulations or no rows, is of a robot with more or
+            fewer trailers, or has rows that are not finite though its status is ok.
     """
     require_run(trajectory, robot)
     require(AcceptOptions | None, "accept", accept, hint="as in scenario.accept")
@@ -144,6 +144,9 @@ def judge(
     require_rows(trajectory)
     accept = accept or AcceptOptions()
     rows = trajectory.simulation()
+    if not (finite := np.isfinite(rows.q).all(axis=(1, 2))).all():  # no error would look like none
+        problem = f"q is not finite at {rows.time_s[finite.argmin()]:.3g} s"
+        raise InputError.at("trajectory", problem, hint="give the status that the run ended with")
     if (fallen := _footing(rows, accept)) is not None:
         return fallen
     errors = list(_errors(rows, robot, accept))

@@ -31,8 +31,8 @@ class Result:
             rows of a simulation after its end mean nothing.
         outcomes: how each simulation ended.
         wall_time_s: wall time by part of the loop: "plant", "sensing", "controller", "loop"
-            (bookkeeping), "report".
-        control_time_s: (n,) wall time of every command, the whole batch's.
+            (bookkeeping), "pace" (waiting, if the run has a pace), "report" (if there is one).
+        control_time_s: wall time of every command that was asked for, the whole batch's.
         demands: what the reference asked of the robot; None without reference.
     """
 
@@ -124,7 +124,8 @@ class Experiment:
 
         Args:
             report: called with the rows that are new, every now and then and at the end.
-            initial: where every simulation starts; None: where the scenario says, all of them.
+            initial: where they start, a state for each simulation; None: where the scenario says,
+                all of them.
             pushes: on each simulation; None: what the scenario says, drawn by its seed.
             pace: how fast; None: as fast as it can.
             frames_every: of a camera, keep one frame in this many for the report; 0: none.

@@ -119,7 +119,7 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     """
     require(dict, "data", data)
     require(str, "source", source)
-    data, context = _plain(data), {"folder": named("folder", folder)}
+    data, context = _plain(data, source), {"folder": named("folder", folder)}
     try:
         scenario, faults = Scenario.model_validate(data, context=context), []
         gone: list[Keys] = []
@@ -134,22 +134,23 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     return scenario
 
 
-def _plain(value: Any, level: int = 0) -> Any:
+def _plain(value: Any, source: str, level: int = 0) -> Any:
     """The same data in values that a TOML file may hold.
 
     Raises:
-        InputError: its tables and lists are within each other too deep, or in themselves.
+        InputError: tables and lists are within each other too deep, or even in themselves.
     """
-    if level > MOST_LEVELS:
-        raise InputError.at("data", f"tables and lists more than {MOST_LEVELS} deep")
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
+    if not isinstance(value, dict | list | tuple):
+        return value
+    if level > MOST_LEVELS:
+        deep = f"tables and lists within each other more than {MOST_LEVELS} deep"
+        raise InputError(deep, file=source)
     if isinstance(value, dict):
-        return {key: _plain(item, level + 1) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        items = [_plain(item, level + 1) for item in value]
-        return items if isinstance(value, list) else tuple(items)
-    return value
+        return {key: _plain(item, source, level + 1) for key, item in value.items()}
+    items = [_plain(item, source, level + 1) for item in value]
+    return items if isinstance(value, list) else tuple(items)
 
 
 def _sound_part(
