@@ -173,10 +173,8 @@ TRAIN = tt.load_scenario("double_inverted", ["duration_s=0.1", "plant.kind=analy
         ),
         (lambda: tt.check_scenario([], "mine"), r"data: got \[\]; allowed: dict"),
         (lambda: tt.check_scenario({}, None), "source: got None; allowed: str"),
-        (
-            lambda: tt.check_scenario(within_itself(), "mine"),
-            "mine: tables and lists .* more than 32",
-        ),
+        (lambda: tt.check_scenario(within_itself(), "mine"), "mine: tables and lists .* 32 deep"),
+        (lambda: tt.check_scenario({None: 1}, "mine"), "mine: a key is None; allowed: text"),
         (lambda: tt.load_scenario(5), "name_or_path: got 5; allowed: str or Path"),
         (lambda: tt.load_scenario("lab_circle", "seed=7"), r"overrides: .*; as in \["),
         (lambda: tt.check_scenario("lab_circle", "mine"), "data: got 'lab_circle'; allowed: dict"),

@@ -160,6 +160,14 @@ def test_answers_that_are_none(code: str, told: str, tmp_path: Path) -> None:
     assert len(outcome.reason) < 2000
 
 
+def test_the_torques_that_a_law_commands_are_logged_and_no_signal_of_its_own(
+    tmp_path: Path,
+) -> None:
+    code = "return Command(one, no, no, {'wheel_torque_left_n_m': no + 1.0}, 0.0 * one)"
+    (outcome,) = made(tmp_path, "at_command", code, "control.inner_loop=torque").run().outcomes
+    assert "a signal is called 'wheel_torque_left_n_m'" in outcome.reason
+
+
 def test_a_text_that_never_comes_is_not_waited_for(tmp_path: Path) -> None:
     text = "{'__str__': lambda e: [None for _ in iter(int, 1)]}"
     code = f"raise type('Slow', (Exception,), {text})"

@@ -48,7 +48,7 @@ class Answers:
             torque = _torques(answer.wheel_torque_n_m, nsim)
             signals |= zip(TORQUE_SIGNALS, torque.T.copy(), strict=True)
         if self.names is None:  # the first answer says which signals there are
-            self._refuse_names(signals)
+            self._refuse_names(answer.signals)
             self.names = tuple(signals)
         if signals.keys() != set(self.names):
             raise ValueError(
@@ -74,7 +74,8 @@ class Answers:
     def _refuse_names(self, names: Iterable[Any]) -> None:
         for name in names:
             named = isinstance(name, str) and SIGNAL_NAME.fullmatch(name)
-            if not named or is_column_of_a_train(name):
+            logged = self.torque_input and name in TORQUE_SIGNALS
+            if not named or logged or is_column_of_a_train(name):
                 raise ValueError(
                     f"a signal is called {name!r}; allowed: lower-case letters, digits and _, "
                     "with the unit at the end, and no name of another column, of any train"

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.errors import Fault, InputError, Keys, require
+from ttwmr_mj.errors import Fault, InputError, Keys, require, shown
 from ttwmr_mj.files import (
     MOST_LEVELS,
     is_file,
@@ -138,7 +138,8 @@ def _plain(value: Any, source: str, level: int = 0) -> Any:
     """The same data in values that a TOML file may hold.
 
     Raises:
-        InputError: tables and lists are within each other too deep, or even in themselves.
+        InputError: a key is no text; tables and lists are within each other too deep, or even in
+            themselves.
     """
     if isinstance(value, np.ndarray | np.generic):
         return value.tolist()
@@ -148,6 +149,8 @@ def _plain(value: Any, source: str, level: int = 0) -> Any:
         deep = f"tables and lists within each other more than {MOST_LEVELS} deep"
         raise InputError(deep, file=source)
     if isinstance(value, dict):
+        if strange := [key for key in value if not isinstance(key, str)]:
+            raise InputError(f"a key is {shown(strange[0])}; allowed: text", file=source)
         return {key: _plain(item, source, level + 1) for key, item in value.items()}
     items = [_plain(item, source, level + 1) for item in value]
     return items if isinstance(value, list) else tuple(items)
