@@ -27,6 +27,10 @@ def simulate(
 ) -> Result:
     """Run a scenario in memory; nothing is written.
 
+    In the main thread the limits on a law's time take the signal SIGALRM; a timer that the script
+    has set (`signal.alarm`, `signal.setitimer`) rings when the run is over, or later if it is due
+    later.
+
     Args:
         scenario: what to run.
         nsim: simulations in the batch; the first is as if alone, the others differ from it by what
@@ -36,7 +40,7 @@ def simulate(
         scenario_folder: where a custom controller is looked for first; None: here.
 
     Raises:
-        InputError: the scenario cannot be built.
+        InputError: the scenario cannot be built, or an argument is of another kind.
     """
     require_scenario(scenario)
     nsim = require_whole("nsim", nsim, 1, MOST_SIMULATIONS)

@@ -261,7 +261,11 @@ class Trajectory:
         return _table(self.to_columns(simulation))
 
     def write(self, path: Path | str, simulation: int | None = None) -> None:
-        """One simulation as Parquet; arguments and errors as `to_columns`."""
+        """One simulation as Parquet; arguments and errors as `to_columns`.
+
+        Raises:
+            OSError: the file cannot be written; an old one stays as it was.
+        """
         path, one = named("path", path), self.simulation(simulation)
         starts = range(0, max(len(one), 1), PIECE_ROWS)
         write_parquet((one.rows(k, k + PIECE_ROWS).to_table() for k in starts), path)
