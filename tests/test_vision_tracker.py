@@ -204,6 +204,35 @@ def test_frames_without_news_are_no_misfits(frozen: bool) -> None:
     assert gone == pytest.approx(STEP_S * k * twist_from_wheels(WHEELS, ROBOT)[0], rel=0.01)
 
 
+@pytest.mark.parametrize("wheels", [WHEELS, 0.02 * WHEELS])
+def test_a_frozen_camera_is_not_believed_until_it_shows_something_new(wheels: FloatArray) -> None:
+    """Not in a search of the whole frame either, nor where each step is too short to be seen."""
+    scene = Scene(max_blind_s=0.1)
+    scene.tracker.commands.roll(wheels)
+    seconds = 0.5 if wheels is WHEELS else 3.0  # 1 mm/s
+    for k in range(round(seconds / STEP_S)):
+        scene.see(STEP_S * k)
+    assert scene.tracker.status is Status.LOST
+    estimate = scene.tracker.estimate(seconds)
+    assert not estimate.valid
+    assert estimate.measurement_age_s > 0.1
+    scene.see(seconds, estimate.q)
+    assert scene.tracker.estimate(seconds).valid
+
+
+@pytest.mark.parametrize("blind_s", [0.0, 20.0])
+def test_a_robot_at_rest_may_be_in_the_same_picture_for_long(blind_s: float) -> None:
+    scene = Scene()
+    scene.settle()
+    scene.tracker.miss(blind_s)
+    assert (scene.tracker.status is Status.LOST) == (blind_s > 0.0)
+    for time_s in blind_s + np.arange(0.1, 60.0, 0.1):
+        scene.see(time_s)
+        estimate = scene.tracker.estimate(time_s)
+        assert estimate.valid
+        assert estimate.q == pytest.approx(POSE, abs=1e-4)
+
+
 def test_a_label_that_was_hidden_before_is_not_frozen() -> None:
     scene = Scene()
     scene.see(0.0, hidden=(3,))

@@ -149,6 +149,12 @@ def test_late_and_frozen_frames_do_not_mislead() -> None:
     assert np.hypot(run.error[:, 0], run.error[:, 1]).max() < 2e-3
 
 
+def test_a_frozen_camera_makes_blind() -> None:
+    run = drive(with_faults(LAB_CAMERA, delivery={"frozen": 1.0}), periods=60)
+    assert not run.valid[8:].any()
+    assert np.hypot(run.error[:, 0], run.error[:, 1]).max() < 5e-3  # dead reckoning
+
+
 @pytest.mark.slow
 def test_distractors_in_the_way_do_not_mislead() -> None:
     discs = [

@@ -74,6 +74,7 @@ class Tracker:
         self._filtered: Gaussian | None = None
         self._seen_s = -np.inf
         self._seen_px = no_labels(layout.count)
+        self._told: Gaussian | None = None  # where commands alone led since that was a new picture
         self._misfits = 0
 
     def assume(
@@ -109,6 +110,7 @@ class Tracker:
             sighting = self._follow(image, time_s)
         if self.status is Status.LOST:
             sighting = self._acquire(image, time_s) or sighting
+        self._carry_along(time_s)
         self.sighting = sighting or Sighting.of_none(self.layout.count)
         return self.sighting
 
@@ -116,8 +118,7 @@ class Tracker:
         """Say that no frame came until a time."""
         self.sighting = None
         self._expire(time_s)
-        if self._filtered is not None and time_s - self._filtered.time_s > LONGEST_GAP_S:
-            self._filtered = self._at(time_s - LONGEST_GAP_S)
+        self._carry_along(time_s)
 
     def estimate(self, time_s: float) -> TrackEstimate:
         """The state at a time, normally now: the filtered one carried over the commands since."""
@@ -153,8 +154,17 @@ class Tracker:
         """The filtered state carried to a time, without keeping it."""
         if self._filtered is None:
             raise AssertionError("there is no state to predict from before the first sighting")
-        ramps = self.commands.ramps(self._filtered.time_s, time_s)
-        return self._motion.predict(self._filtered, time_s, ramps)
+        return self._carried(self._filtered, time_s)
+
+    def _carried(self, state: Gaussian, time_s: float) -> Gaussian:
+        """A state carried to a time over the commands."""
+        ramps = self.commands.ramps(state.time_s, time_s)
+        return self._motion.predict(state, time_s, ramps)
+
+    def _carry_along(self, time_s: float) -> None:
+        """Keep the filtered state within the time of which commands are remembered."""
+        if self._filtered is not None and time_s - self._filtered.time_s > LONGEST_GAP_S:
+            self._filtered = self._at(time_s - LONGEST_GAP_S)
 
     def _follow(self, image: Pixels, time_s: float) -> Sighting | None:
         """Look where the labels should be, and update; None where regions would be too wide."""
@@ -166,14 +176,15 @@ class Tracker:
             return None
         centres, found = self.detector.track(image, expected, search)
         self._filtered = prior
-        if not found.any() or self._is_frozen(centres, found, expected):
+        still = self._is_still(centres)
+        if not found.any() or (still and self._must_have_moved(centres, expected, time_s)):
             self._expire(time_s)
             return Sighting(no_labels(self.layout.count), expected, search)
         self._filtered, used = self._updated(prior, centres, found)
         self._misfits = 0 if used.sum() * 2 > found.sum() else self._misfits + 1
         centres[~used] = np.nan
         if used.any():
-            self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
+            self._believe(centres, time_s, still=still)
         self._expire(time_s)
         if self._misfits >= MAX_MISFITS:
             self.status, self._misfits = Status.LOST, 0
@@ -195,19 +206,31 @@ class Tracker:
         if got is None:
             return None
         pose, index = got
+        centres = no_labels(self.layout.count)
+        centres[index >= 0] = candidates.centre_px[index[index >= 0]]
+        still = self._is_still(centres)
+        # what it was thought to do does not count here: it is lost
+        if still and self._must_have_moved(centres, centres, time_s):
+            return None
         q, rate = pose.q, np.zeros(self._trailers)
         last = None if self._filtered is None else self._at(time_s)
         if last is not None:
             q[2:] = unwrap_near(q[2:], last.mean[2 : self._width])
             rate = last.mean[self._width + 2 :]
         fresh = self._first(time_s, q, rate, SIGHTED_STD)
-        centres = no_labels(self.layout.count)
-        centres[index >= 0] = candidates.centre_px[index[index >= 0]]
         self._filtered, _ = self._updated(fresh, centres, index >= 0)
         if last is not None:
             self._filtered = update_pose(last, self._filtered, self._width) or self._filtered
-        self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
+        self._believe(centres, time_s, still=still)
         return Sighting(centres, no_labels(self.layout.count))
+
+    def _believe(self, centres: FloatArray, time_s: float, *, still: bool) -> None:
+        """Take note of the labels that the filtered state now knows."""
+        self._seen_s, self._seen_px, self.status = time_s, centres, Status.TRACKED
+        if not still and self._filtered is not None:
+            mean = self._filtered.mean.copy()
+            mean[self._width :] = 0.0
+            self._told = Gaussian(time_s, mean, np.zeros((mean.size, mean.size)))
 
     def _first(
         self,
@@ -242,10 +265,19 @@ class Tracker:
         spread = np.sqrt(variance[0] + variance[1] + reach2 * angles)
         return MIN_SEARCH_PX + SEARCH_SIGMAS * float(spread) / self._scale_m_px
 
-    def _is_frozen(self, centres: FloatArray, found: BoolArray, expected: FloatArray) -> bool:
-        """Whether all labels are where they were in the last frame, though they must have moved."""
-        both = found & np.isfinite(self._seen_px[:, 0])
-        if not both.any():
-            return False
-        still = np.abs(centres[both] - self._seen_px[both]).max() < FROZEN_PX
-        return bool(still and np.abs(expected[both] - self._seen_px[both]).max() > MOVING_PX)
+    def _is_still(self, centres: FloatArray) -> bool:
+        """Whether labels are where they were in the last picture that was believed.
+
+        The picture is the same, for noise would have moved them: it is frozen, or the robot rests
+        and the camera has no noise.
+        """
+        moved = np.abs(centres - self._seen_px).max(axis=1)
+        return bool(np.nanmax(moved, initial=0.0) < FROZEN_PX and np.isfinite(moved).any())
+
+    def _must_have_moved(self, centres: FloatArray, expected: FloatArray, time_s: float) -> bool:
+        """Whether labels cannot still be there: they are expected elsewhere, or were sent there."""
+        assert self._told is not None
+        self._told = self._carried(self._told, time_s)
+        sent = self.camera.project(self.layout.centres_m(self._told.mean[: self._width]))
+        away = np.abs(np.stack([expected, sent]) - self._seen_px)[:, np.isfinite(centres[:, 0])]
+        return bool(np.nanmax(away, initial=0.0) > MOVING_PX)
