@@ -42,7 +42,7 @@ class RobotParameters(Config):
     )
     looks_scale: float = Field(
         default=1.0,
-        ge=1e-12,
+        ge=1e-3,
         le=100,
         description="size of decks, posts and labels relative to Table I's robot; default: the "
         "preset's",

@@ -9,6 +9,8 @@ from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.tracking.motion import Gaussian
 
+# a label's variance of what its place had before, at least: less is lost in the digits of numbers
+LEAST_SHARE = 1e-10
 JUMP_CHI2 = 32.0  # one pose of eight numbers in 10 000 is farther off, and fewer of a shorter train
 
 
@@ -39,7 +41,7 @@ def update(
     slope = layout.jacobian(q)
     cross = prior.covariance[:, :width] @ slope.T
     spread = slope @ cross[:width]
-    spread.flat[:: len(spread) + 1] += noise_m2
+    spread.flat[:: len(spread) + 1] += max(noise_m2, LEAST_SHARE * float(spread.max()))
     used = found & (_squared_distances(innovation, spread) < gate_chi2)
     if not used.any():
         return prior, used

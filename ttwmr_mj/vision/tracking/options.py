@@ -12,8 +12,11 @@ UpTo10 = Annotated[float, Field(ge=1e-12, le=10)]
 class TrackerOptions(Config):
     """How labels are looked for and fused with the commanded wheel speeds."""
 
-    label_noise_px: UpTo10 = Field(
+    # whoever knows centres to less than the tracker's arithmetic repeats would trust nothing else
+    label_noise_px: float = Field(
         default=0.0225,
+        ge=1e-3,
+        le=10,
         description="standard deviation of a label's measured centre; 0.15 in a JPEG video",
     )
     calibration_noise_m: float = Field(
@@ -34,9 +37,10 @@ class TrackerOptions(Config):
         le=100,
         description="standard deviation of the yaw rate from the one commanded; typically 0.02",
     )
+    # motion is linearised over up to 0.04 s, in which the deviations must not fade
     noise_time_s: float = Field(
         default=0.3,
-        ge=1e-12,
+        ge=0.05,
         le=3600,
         description="correlation time of these two deviations; typically 0.3",
     )

@@ -1,0 +1,41 @@
+"""Scenarios at the edge of what is allowed, run by camera."""
+
+from __future__ import annotations
+
+import pytest
+
+import ttwmr_mj as tt
+
+EXACT = ["sensing.tracker.calibration_noise_m=0", "sensing.tracker.label_noise_px=1e-3"]
+RESTLESS = [
+    "sensing.tracker.noise_time_s=0.05",
+    "sensing.tracker.turn_noise_rad_s=100.0",
+    "sensing.tracker.speed_noise_m_s=10.0",
+    "sensing.tracker.swing_noise_rad_s2=1e3",
+    "sensing.tracker.gate_chi2=1e3",
+    "sensing.tracker.max_blind_s=60.0",
+    "sensing.camera.faults.delivery.dropped=0.8",
+]
+
+
+@pytest.mark.parametrize("scenario", ["lab_circle_camera", "double_inverted_camera"])
+@pytest.mark.parametrize("values", [EXACT, EXACT + RESTLESS, ["robot.looks_scale=1e-3"]])
+def test_the_smallest_numbers_run(scenario: str, values: list[str]) -> None:
+    run = tt.simulate(tt.load_scenario(scenario, ["duration_s=0.5", *values]))
+    assert run.outcomes[0].status == "ok"
+
+
+@pytest.mark.parametrize(
+    ("value", "allowed"),
+    [
+        ("sensing.tracker.label_noise_px=1e-4", "0.001"),
+        ("sensing.tracker.noise_time_s=0.04", "0.05"),
+        ("robot.looks_scale=1e-4", "0.001"),
+    ],
+)
+def test_smaller_numbers_are_refused(value: str, allowed: str) -> None:
+    key = value.partition("=")[0]
+    with pytest.raises(
+        tt.InputError, match=f"{key}: got .*; allowed: greater than or equal to {allowed}"
+    ):
+        tt.load_scenario("lab_circle_camera", [value])
