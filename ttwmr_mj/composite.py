@@ -5,8 +5,9 @@ inertia of each composite equal Table I (or whatever a scenario sets instead).
 """
 
 from dataclasses import dataclass
+from decimal import ROUND_CEILING
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, rounded
 from ttwmr_mj.robot import RobotParameters
 
 
@@ -53,7 +54,7 @@ def chassis_remainder(whole: Lump, parts: list[Lump], table: str) -> Lump:
             f"{table}.mass_kg",
             f"wheels and casters weigh {taken:g} kg and leave nothing for the chassis",
             got=f"{whole.mass_kg:g}",
-            allowed=f"more than {taken:g} kg, or lighter wheels and casters",
+            allowed=f"more than {rounded(taken, ROUND_CEILING)} kg, or lighter wheels and casters",
         )
     x = (whole.mass_kg * whole.x_m - sum(part.mass_kg * part.x_m for part in parts)) / mass
     y = whole.mass_kg * whole.y_m / mass  # the parts' middle is on the axis

@@ -7,6 +7,7 @@ import os
 import re
 import unicodedata
 from dataclasses import dataclass, replace
+from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from numbers import Integral
 from types import UnionType
 from typing import Any, get_args
@@ -82,6 +83,23 @@ def shown(value: Any) -> str:
     """A value for `Fault.got`: short, and quoted where it is text."""
     text = "a table" if isinstance(value, dict) else repr(value)
     return text if len(text) <= 60 else text[:57] + "..."
+
+
+def at_most(value: float, digits: int = 3) -> str:
+    """A limit for `Fault.allowed`, rounded to so many digits that are allowed themselves."""
+    return f"at most {rounded(value, ROUND_FLOOR, digits)}"
+
+
+def at_least(value: float, digits: int = 3) -> str:
+    """The same of a limit below."""
+    return f"at least {rounded(value, ROUND_CEILING, digits)}"
+
+
+def rounded(value: float, rounding: str, digits: int = 3) -> str:
+    """A number in so many digits, rounded to the side that one of `decimal`'s words names."""
+    # from the digits that Python reads the number from: its binary ones are a little off
+    number = Context(prec=digits, rounding=rounding).create_decimal(repr(float(value)))
+    return f"{float(number):.{digits}g}"
 
 
 def described(error: BaseException) -> str:

@@ -18,7 +18,7 @@ from ttwmr_mj.dynamics.kinematics import (
     workspace_rate,
 )
 from ttwmr_mj.dynamics.servo import Stretches
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, at_most
 from ttwmr_mj.plants.base import ModelPlant
 from ttwmr_mj.plants.swing import Forcing, HitchSwing
 from ttwmr_mj.plants.train_swing import TrainSwing
@@ -146,7 +146,7 @@ def _unstable(step_s: float, longest_s: float, hitch: Hitch) -> InputError:
         f"{hitch.stiffness_n_m_rad:g}, robot.hitch.damping_n_m_s_rad = "
         f"{hitch.damping_n_m_s_rad:g}) are too stiff for it",
         got=f"{step_s:g}",
-        allowed=f"at most {longest_s:.3g}",
+        allowed=at_most(longest_s),
         hint="lower it, or the spring's and damper's constants",
     )
 

@@ -6,7 +6,7 @@ from ttwmr_mj.dynamics.extended import ExtendedModel
 from ttwmr_mj.dynamics.extended_train import with_hitches
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, at_most
 from ttwmr_mj.plants.base import ModelPlant
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS
 from ttwmr_mj.plants.train_swing import longest_step_s
@@ -32,7 +32,7 @@ class ExtendedPlant(ModelPlant):
                 "the hitch's spring and damper (robot.hitch.stiffness_n_m_rad, "
                 "plant.analytic.extended.hitch_damping_n_m_s_rad) are too stiff for it",
                 got=f"{max_integration_step_s:g}",
-                allowed=f"at most {longest_s:.3g}",
+                allowed=at_most(longest_s),
                 hint="lower it, or the spring's and damper's constants",
             )
         timing = time_step_s, max_integration_step_s, model.physics_step_s

@@ -1,6 +1,7 @@
 """All of the robot's numbers together, and the forms in which a file may give them."""
 
 from collections.abc import Mapping
+from decimal import ROUND_FLOOR
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self
 
 from pydantic import (
@@ -16,6 +17,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from ttwmr_mj.config import Config
+from ttwmr_mj.errors import rounded
 from ttwmr_mj.robot.bodies import Casters, Hitch, Tractor, Trailer
 from ttwmr_mj.robot.outdoor import outdoor_robot
 from ttwmr_mj.robot.servo import Servo
@@ -198,7 +200,8 @@ def merged(under: Any, over: Any) -> Any:
 
 def _within(most: float, value: float, *place: str | int) -> None:
     if abs(value) > most:
-        raise _refused(place, value, f"between -{most:g} and {most:g}")
+        limit = rounded(most, ROUND_FLOOR, 6)
+        raise _refused(place, value, f"between -{limit} and {limit}")
 
 
 def _refused(place: tuple[str | int, ...], got: Any, allowed: str = "") -> ValidationError:

@@ -4,11 +4,12 @@ One function for every command; none of it stops a run, for a law may come close
 """
 
 from collections.abc import Callable
+from decimal import ROUND_DOWN, ROUND_UP
 from functools import partial
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault
+from ttwmr_mj.errors import Fault, rounded
 from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
 from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -119,10 +120,8 @@ def _of_the_trailer(scenario: Scenario) -> str:
 
 def _rounded(name: str, value: float) -> str:
     """Three digits; to the slower side, so that what is told is possible."""
-    size = 10.0 ** (np.floor(np.log10(abs(value))) - 2)
     up = name.endswith("_s") and not name.endswith(("rad_s", "m_s"))
-    towards = np.ceil if up else np.floor
-    return f"{np.copysign(towards(abs(value) / size) * size, value):.3g}"
+    return rounded(value, ROUND_UP if up else ROUND_DOWN)
 
 
 def _in_picture(scenario: Scenario, reference: ReferencePath) -> Demand:

@@ -5,6 +5,7 @@ parts have no fault of their own are still made, so that all faults are reported
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from decimal import ROUND_CEILING
 from functools import partial
 from typing import NamedTuple
 
@@ -12,7 +13,7 @@ import numpy as np
 
 from ttwmr_mj.composite import tractor_chassis, trailer_chassis
 from ttwmr_mj.controllers.base import law_faults
-from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.errors import Fault, InputError, Keys, at_least, rounded
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.scenario.limits import ESCAPE, MOST_PERIODS
@@ -279,10 +280,10 @@ def _whole_steps(key: Keys, value: float, unit: float, unit_key: str) -> Iterabl
 def _one_period(scenario: Scenario) -> Iterable[Fault]:
     period = scenario.control.sampling_time_s
     if scenario.duration_s < period:
-        allowed = f"at least one control period, {period:g}"
+        allowed = f"at least one control period, {rounded(period, ROUND_CEILING, 12)}"
         yield Fault(key=("duration_s",), got=f"{scenario.duration_s:g}", allowed=allowed)
     elif scenario.periods > MOST_PERIODS:
-        allowed = f"at least {scenario.duration_s / MOST_PERIODS:.3g}: {MOST_PERIODS:,} periods"
+        allowed = f"{at_least(scenario.duration_s / MOST_PERIODS)}: {MOST_PERIODS:,} periods"
         yield Fault(key=("control", "sampling_time_s"), got=f"{period:g}", allowed=allowed)
 
 

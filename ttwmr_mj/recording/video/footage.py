@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, described
+from ttwmr_mj.errors import InputError, at_least, described
 from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.results.row_stream import read_run
 from ttwmr_mj.results.trajectory import Trajectory
@@ -75,7 +75,7 @@ class Footage:
         if (count := (stop_s - start_s) * fps / speed) > MOST_FRAMES:
             least = (stop_s - start_s) * fps / MOST_FRAMES
             problem = f"makes {count:.3g} pictures of {stop_s - start_s:g} s"
-            allowed = f"at least {least:.2g}, for {MOST_FRAMES:,} pictures"
+            allowed = f"{at_least(least)}, for {MOST_FRAMES:,} pictures"
             raise InputError.at("--speed", problem, got=f"{speed:g}", allowed=allowed)
         time_s = start_s + np.arange(0.0, stop_s - start_s + 1e-9, speed / fps)
         steps = np.diff(rows.time_s, prepend=rows.time_s[0])[:, None]

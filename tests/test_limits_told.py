@@ -1,0 +1,56 @@
+"""What a message tells as allowed is allowed."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+
+import ttwmr_mj as tt
+from ttwmr_mj.errors import at_least, at_most
+from ttwmr_mj.runs.build import make_plant
+
+
+def told(error: tt.InputError) -> str:
+    """The number in what is allowed."""
+    found = re.search(r"[0-9][0-9.e+-]*", error.faults[0].allowed)
+    assert found
+    return found[0].rstrip(".")
+
+
+def test_limits_are_rounded_to_the_side_that_is_allowed() -> None:
+    assert (at_most(1.26e-4), at_least(0.033)) == ("at most 0.000126", "at least 0.033")
+    for value in 10.0 ** np.random.default_rng(0).uniform(-9.0, 9.0, 1000):
+        most, least = (float(text.split()[-1]) for text in (at_most(value), at_least(value)))
+        assert 0.99 * value <= most <= value <= least <= 1.01 * value
+
+
+@pytest.mark.parametrize(
+    ("values", "key", "more"),
+    [
+        (["duration_s=1234.5678"], "control.sampling_time_s", 0.0),
+        (["control.sampling_time_s=0.012345678912"], "duration_s", 0.0),
+        (["robot.casters.mass_kg=0.16543219"], "robot.trailer.mass_kg", 1e-6),
+    ],
+)
+def test_the_smallest_value_told_is_taken(values: list[str], key: str, more: float) -> None:
+    values = ['plant.kind="analytic"', *values]
+    with pytest.raises(tt.InputError, match=rf"\b{key}: ") as error:
+        tt.load_scenario("lab_circle", [*values, f"{key}=0.0001"])
+    allowed = float(told(error.value)) + more
+    faults = ()
+    try:
+        tt.load_scenario("lab_circle", [*values, f"{key}={allowed!r}"])
+    except tt.InputError as other:
+        faults = other.faults
+    assert key not in [fault.where for fault in faults]
+
+
+@pytest.mark.parametrize("damping", [1.0, 3.3, 7.7, 10.0, 150.0])
+def test_the_longest_step_told_is_taken(damping: float) -> None:
+    values = ['plant.kind="analytic"', f"robot.hitch.damping_n_m_s_rad={damping}"]
+    step = "plant.analytic.max_step_s"
+    with pytest.raises(tt.InputError, match=step) as error:
+        make_plant(tt.load_scenario("lab_circle", [*values, f"{step}=0.1"]))
+    make_plant(tt.load_scenario("lab_circle", [*values, f"{step}={told(error.value)}"]))
