@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 import ttwmr_mj as tt
 
+CAMERA = """name = "camera"
+duration_s = 0.2
+reference = { kind = "circle", radius_m = 0.43, angular_rate_rad_s = 0.3 }
+controller = { kind = "lyapunov" }
+sensing = { kind = "camera" }
+"""
 EXACT = ["sensing.tracker.calibration_noise_m=0", "sensing.tracker.label_noise_px=1e-3"]
 RESTLESS = [
     "sensing.tracker.noise_time_s=0.05",
@@ -39,3 +47,22 @@ def test_smaller_numbers_are_refused(value: str, allowed: str) -> None:
         tt.InputError, match=f"{key}: got .*; allowed: greater than or equal to {allowed}"
     ):
         tt.load_scenario("lab_circle_camera", [value])
+
+
+@pytest.mark.parametrize(
+    ("values", "told"),
+    [
+        (["sensing.camera.lens.defocus_px=15.0"], "got lens.defocus_px = 15.0;"),
+        (["sensing.camera.height_m=20.0"], "got height_m = 20.0;"),
+        (["sensing.camera.roll_rad=0.5"], "got roll_rad = 0.5;"),
+    ],
+)
+def test_a_camera_that_cannot_be_calibrated_is_told_what_is_unusual(
+    tmp_path: Path, values: list[str], told: str
+) -> None:
+    file = tmp_path / "camera.toml"
+    file.write_text(CAMERA)
+    with pytest.raises(tt.InputError) as error:
+        tt.simulate(tt.load_scenario(file, values))
+    assert str(error.value).startswith(f"sensing.camera: {told} before a run")
+    assert "ChArUco" not in str(error.value)

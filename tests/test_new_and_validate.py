@@ -154,3 +154,31 @@ def test_a_module_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert "there is no module nowhere_law; it must be beside the scenario" in (
         capsys.readouterr().err
     )
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "key"),
+    [
+        ("lab_circle_camera", ["sensing.camera.lens.k1=-1.0"], "sensing.camera.lens"),
+        ("lab_circle_camera", ["sensing.camera.lens.k3=-1.0"], "sensing.camera.lens"),
+        ("lab_circle_camera", ["sensing.camera.name=attic"], "sensing.camera.name"),
+        (
+            "lab_circle_camera",
+            ["sensing.camera.width_px=320", "sensing.camera.height_px=240"],
+            "sensing.calibration_path",
+        ),
+        ("rest_to_rest_camera", ["belief.camera.lens.k2=-1.0"], "belief.camera"),
+        ("lab_circle", [f"plant.contact.model_path={__file__}"], "plant.contact.model_path"),
+    ],
+)
+def test_what_a_run_would_refuse_is_not_valid(
+    name: str, values: list[str], key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    given = [word for value in values for word in ("--set", value)]
+    told = []
+    for command in (["validate", name], ["run", name, "--out", str(tmp_path / "out")]):
+        assert main([*command, *given]) == 2
+        out, err = capsys.readouterr()
+        assert "valid" not in out
+        told.append(next(line for line in err.splitlines() if f"{key}" in line).split(": got")[-1])
+    assert told[0] == told[1]

@@ -99,7 +99,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
         ),
         ([], ["output.save_frames=true"], "output.save_frames", ""),
     ],
-    "_physics_steps": [
+    "physics_steps": [
         (
             ["control.sampling_time_s=0.0335"],
             ["control.sampling_time_s=0.03325"],
@@ -120,7 +120,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "nearest: 0.0005",
         ),
     ],
-    "_motor_timing": [
+    "motor_timing": [
         ([motor(0.001, 0.01, 0.002)], [motor(*faulty)], key, words)
         for faulty, key, words in (
             ((0.0011, 0.011, 0.0022), MOTOR + "loop_period_s", "nearest: 0.001 and 0.0015"),
@@ -149,7 +149,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "which it cannot drive",
         )
     ],
-    "_latency": [
+    "latency": [
         (
             ["sensing.latency_s=0.066"],
             ["sensing.latency_s=0.05"],
@@ -169,7 +169,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "nearest: 0.033 and 0.066",
         ),
     ],
-    "_command_latency": [
+    "command_latency": [
         (
             ["control.command_jitter_s=0.033"],
             ["control.command_jitter_s=0.01"],
@@ -201,6 +201,14 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "at most 16 control periods",
         ),
     ],
+    "_integration": [
+        (
+            [ANALYTIC, "robot.hitch.damping_n_m_s_rad=1.0"],
+            [ANALYTIC, "robot.hitch.damping_n_m_s_rad=10.0"],
+            "plant.analytic.max_step_s",
+            "allowed: at most 0.0019",
+        )
+    ],
     "_believed_camera": [
         ([CAMERA, MOVED], [MOVED], "belief.camera", "sensing.kind is 'truth'"),
         (
@@ -216,7 +224,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "480",
         ),
     ],
-    "_one_period": [
+    "one_period": [
         (["duration_s=0.033"], ["duration_s=0.0329"], "duration_s", "one control period, 0.033")
     ],
     "_reference": [

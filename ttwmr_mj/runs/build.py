@@ -1,20 +1,16 @@
 """From a scenario to the objects of a run."""
 
 import os
-from collections import defaultdict
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from ttwmr_mj.config import rows_of
 from ttwmr_mj.controllers.base import Controller, ControllerOptions, law_faults
 from ttwmr_mj.deadline import limited
 from ttwmr_mj.dynamics.ground import Ground
 from ttwmr_mj.dynamics.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.plants.side_by_side import SideBySide
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.hitched import has_spring
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -22,6 +18,7 @@ from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.registry import guarded
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.laws import START_LIMIT, leave_if_forked
+from ttwmr_mj.scenario.equations import plant_of_equations
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
@@ -77,52 +74,12 @@ def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
     """
     options, robot = scenario.plant, scenario.robot
     if options.kind == "analytic":
-        return _of_equations(scenario, nsim)
+        return plant_of_equations(scenario, nsim)
     # MuJoCo takes time to import, and may be unable to: only when it is needed
     from ttwmr_mj.plants.contact import ContactPlant
 
     torque, ground = scenario.control.torque_input, scenario.ground
     return ContactPlant(robot, options.contact, nsim, nthread, torque_input=torque, ground=ground)
-
-
-def _of_equations(scenario: Scenario, nsim: int) -> Plant:
-    """The plant made of equations."""
-    if not scenario.control.torque_input and len(scenario.robot.trailers) == 1:
-        return _equations(scenario, nsim)
-    # how long the kinetic model's steps may be, its robot's numbers say: one plant for each robot;
-    # nor do trains take the numbers of several
-    rows = rows_of(scenario, nsim)
-    who = defaultdict[tuple[Any, ...], list[int]](list)
-    for i, row in enumerate(rows):
-        who[row.robot, row.ground, row.plant.analytic].append(i)
-    parts = [(_equations(rows[i[0]], len(i)), np.array(i)) for i in who.values()]
-    return parts[0][0] if len(parts) == 1 else SideBySide(parts)
-
-
-def _equations(scenario: Scenario, nsim: int) -> Plant:
-    options, robot = scenario.plant, scenario.robot
-    step_s = scenario.control.sampling_time_s / scenario.steps_per_period
-    longest_s = options.analytic.max_step_s
-    if scenario.control.torque_input:
-        from ttwmr_mj.plants.kinetic import KineticPlant
-
-        return KineticPlant(robot, nsim, step_s, longest_s, scenario.ground)
-    if options.analytic.extended is not None:
-        from ttwmr_mj.dynamics.extended_train import extended_model
-        from ttwmr_mj.plants.extended import ExtendedPlant
-
-        model = extended_model(robot).of(robot, options.analytic.extended, scenario.ground)
-        return ExtendedPlant(model, nsim, step_s, longest_s)
-    from ttwmr_mj.plants.analytic import AnalyticPlant
-
-    return AnalyticPlant(
-        robot,
-        nsim,
-        step_s,
-        longest_s,
-        ground=scenario.ground,
-        published_spring=options.analytic.published_spring,
-    )
 
 
 def refuse_reference(scenario: Scenario, reference: ReferencePath | None) -> None:
@@ -206,6 +163,21 @@ def make_sensor(
         told_command_latency_s=scenario.believed_command_latency_s,
         segmentation=scenario.output.save_frames,
     )
+
+
+def refuse_unbuildable(scenario: Scenario, folder: Path) -> None:
+    """Build what a run needs before it starts, but for references, laws and pictures.
+
+    Raises:
+        InputError: the run would refuse it.
+    """
+    make_plant(scenario, nthread=1)
+    if scenario.sensing.kind == "camera":
+        from ttwmr_mj.vision.camera.drawn import build_drawn_model
+        from ttwmr_mj.vision.sensor import refuse_unusable
+
+        model = build_drawn_model(scenario.robot, scenario.plant.contact)
+        refuse_unusable(scenario.sensing, scenario.believed_camera, model, folder)
 
 
 def initial_state(scenario: Scenario, reference: ReferencePath | None, nsim: int = 1) -> RobotState:

@@ -5,7 +5,6 @@ parts have no fault of their own are still made, so that all faults are reported
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from decimal import ROUND_CEILING
 from functools import partial
 from typing import NamedTuple
 
@@ -13,16 +12,17 @@ import numpy as np
 
 from ttwmr_mj.composite import tractor_chassis, trailer_chassis
 from ttwmr_mj.controllers.base import law_faults
-from ttwmr_mj.errors import Fault, InputError, Keys, at_least, rounded
+from ttwmr_mj.errors import Fault, InputError, Keys
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import reference_faults, sampled
-from ttwmr_mj.scenario.limits import ESCAPE, MOST_PERIODS
+from ttwmr_mj.scenario import timing
+from ttwmr_mj.scenario.equations import plant_of_equations
+from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.plant import PushOptions
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.timing import STEP
 from ttwmr_mj.vision.camera.options import FadedLabel, Occluder
 
-STEP = "plant.contact.timestep_s"
-MOST_AHEAD = 16  # periods, so that half of what observers remember is left to measurements
 MOST_SAMPLES = 20_000  # a longer run is looked at that often; the run looks at every sample
 
 
@@ -164,33 +164,6 @@ def _frames(scenario: Scenario) -> Iterable[Fault]:
         yield Fault(key=("output", "save_frames"), got="true", problem=problem, hint=hint)
 
 
-def _physics_steps(scenario: Scenario) -> Iterable[Fault]:
-    if scenario.plant.kind == "contact":  # the analytic plants solve a period at once
-        yield from physics_step_faults(scenario)
-
-
-def physics_step_faults(scenario: Scenario) -> Iterable[Fault]:
-    """Whether contact physics could keep this control period."""
-    period, step = scenario.control.sampling_time_s, scenario.plant.contact.timestep_s
-    yield from _whole_steps(("control", "sampling_time_s"), period, step, STEP)
-
-
-def _motor_timing(scenario: Scenario) -> Iterable[Fault]:
-    """The firmware's loop counts in physics steps, and a control period in its loops."""
-    motor = scenario.robot.servo.motor
-    if motor is None or scenario.plant.kind != "contact":
-        return
-    table, loop = ("robot", "servo", "motor"), motor.loop_period_s
-    yield from _whole_steps(
-        (*table, "loop_period_s"), loop, scenario.plant.contact.timestep_s, STEP
-    )
-    loop_key = "robot.servo.motor.loop_period_s"
-    for key in ("encoder_window_s", "command_delay_s"):
-        yield from _whole_steps((*table, key), getattr(motor, key), loop, loop_key)
-    for key in ("sampling_time_s", "command_latency_s"):
-        yield from _whole_steps(("control", key), getattr(scenario.control, key), loop, loop_key)
-
-
 def _torques(scenario: Scenario) -> Iterable[Fault]:
     law = scenario.controller.kind
     if scenario.control.inner_loop == "torque" and law != "custom":
@@ -218,33 +191,15 @@ def _torque_input(scenario: Scenario) -> Iterable[Fault]:
             yield Fault(key=("plant", "analytic", key), got="given", problem=problem)
 
 
-def _latency(scenario: Scenario) -> Iterable[Fault]:
-    sensing, period = scenario.sensing, scenario.control.sampling_time_s
-    for name in ("latency_s", "latency_jitter_s"):
-        value = getattr(sensing, name)
-        yield from _whole_steps(("sensing", name), value, period, "control.sampling_time_s")
-
-
-def _command_latency(scenario: Scenario) -> Iterable[Fault]:
-    control = scenario.control
-    latency_s, jitter_s, period = (
-        control.command_latency_s,
-        control.command_jitter_s,
-        control.sampling_time_s,
-    )
-    key = ("control", "command_jitter_s")
-    yield from _whole_steps(key, jitter_s, period, "control.sampling_time_s")
-    told = "control" if scenario.belief.command_latency_s is None else "belief"
-    if scenario.believed_command_latency_s > (MOST_AHEAD + 0.5) * period:
-        got = f"{scenario.believed_command_latency_s:g}"
-        allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g} s"
-        hint = "belief.command_latency_s may be less, or 0"
-        yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed, hint=hint)
-    if latency_s:
-        step = scenario.plant.contact.timestep_s
-        yield from _whole_steps(("control", "command_latency_s"), latency_s, step, STEP)
-        if scenario.plant.kind == "analytic":  # which counts in these steps only then
-            yield from physics_step_faults(scenario)
+def _integration(scenario: Scenario) -> Iterable[Fault]:
+    """Whether the plant made of equations takes these steps; under torques it takes its own."""
+    published_train = scenario.plant.analytic.published_spring and len(scenario.robot.trailers) > 1
+    if (
+        scenario.plant.kind == "analytic"
+        and not scenario.control.torque_input
+        and not published_train  # is another check's
+    ):
+        yield from _refused(partial(plant_of_equations, scenario))
 
 
 def _believed_camera(scenario: Scenario) -> Iterable[Fault]:
@@ -264,27 +219,6 @@ def _believed_camera(scenario: Scenario) -> Iterable[Fault]:
                 yield Fault(
                     key=(*key, name), got=repr(believed), problem=problem, allowed=repr(true)
                 )
-
-
-def _whole_steps(key: Keys, value: float, unit: float, unit_key: str) -> Iterable[Fault]:
-    count = value / unit
-    whole = abs(count - round(count)) <= 1e-6 * max(count, 1.0)  # TOML's decimals are not exact
-    if whole and (value == 0.0 or round(count) >= 1):
-        return
-    below, above = int(count) * unit, (int(count) + 1) * unit
-    near = f"{below:g} and {above:g}" if below > 0 else f"{above:g}"
-    allowed = f"a whole number of steps of {unit:g} s ({unit_key}); nearest: {near}"
-    yield Fault(key=key, got=f"{value:g}", allowed=allowed)
-
-
-def _one_period(scenario: Scenario) -> Iterable[Fault]:
-    period = scenario.control.sampling_time_s
-    if scenario.duration_s < period:
-        allowed = f"at least one control period, {rounded(period, ROUND_CEILING, 12)}"
-        yield Fault(key=("duration_s",), got=f"{scenario.duration_s:g}", allowed=allowed)
-    elif scenario.periods > MOST_PERIODS:
-        allowed = f"{at_least(scenario.duration_s / MOST_PERIODS)}: {MOST_PERIODS:,} periods"
-        yield Fault(key=("control", "sampling_time_s"), got=f"{period:g}", allowed=allowed)
 
 
 def _reference(scenario: Scenario) -> list[Fault]:
@@ -341,14 +275,20 @@ CHECKS = (
         ("plant.kind", "plant.pushes", "output", "robot.hitch", "robot.hitches", "ground"),
     ),
     Check(_frames, ("sensing.kind", "output")),
-    Check(_physics_steps, ("plant.kind", "control", STEP)),
-    Check(_motor_timing, ("plant.kind", "robot.servo", "control", STEP)),
+    Check(timing.physics_steps, ("plant.kind", "control", STEP)),
+    Check(timing.motor_timing, ("plant.kind", "robot.servo", "control", STEP)),
     Check(_torques, ("controller", "control")),
     Check(_torque_input, ("plant.kind", "plant.analytic", "control")),
-    Check(_latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")),
-    Check(_command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),
+    Check(
+        timing.latency, ("sensing.kind", "sensing.latency_s", "sensing.latency_jitter_s", "control")
+    ),
+    Check(timing.command_latency, ("plant.kind", "control", "belief.command_latency_s", STEP)),
+    Check(
+        _integration,
+        ("robot", "ground", "plant", "control", "belief.command_latency_s", "duration_s"),
+    ),
     Check(_believed_camera, ("sensing", "belief")),
-    Check(_one_period, ("duration_s", "control")),
+    Check(timing.one_period, ("duration_s", "control")),
     Check(_reference, ("reference", "robot", "belief")),
     Check(_controller, ("reference", "robot", "belief", "controller", "control", "duration_s")),
 )

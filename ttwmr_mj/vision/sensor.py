@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from copy import copy
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
+from ttwmr_mj.errors import InputError, shown
 from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
@@ -19,7 +21,9 @@ from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.camera.labels import read_layout
+from ttwmr_mj.vision.camera.lens import CAMERA, rays
+from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.log import CameraRecord
@@ -28,6 +32,8 @@ from ttwmr_mj.vision.tracking.estimate import TrackEstimate
 from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
+BELIEVED = "belief.camera"
+LOOKED_AT = 600  # columns and rows, where there are more
 POSE_STD = (3e-4, 2e-3)  # of a pose from one frame's labels, twice that of the lab's camera
 
 
@@ -256,6 +262,45 @@ def find_calibration(
         MachineError: no OpenGL.
     """
     if section.calibration_path is None:
-        return calibrate_virtual(believed, rng)
-    size = (section.camera.width_px, section.camera.height_px)
-    return load_calibration(folder / section.calibration_path, size)
+        key = CAMERA if believed == section.camera else BELIEVED
+        return calibrate_virtual(believed, rng, key)
+    return named_calibration(section, folder)
+
+
+def named_calibration(section: CameraSensing, folder: Path) -> Calibration:
+    """What the named file holds.
+
+    Raises:
+        InputError: it cannot be used, or is for another resolution.
+    """
+    assert section.calibration_path is not None, "asked of a scenario that names one"
+    calibration, seen = load_calibration(folder / section.calibration_path), section.camera
+    size_px = calibration.camera.width_px, calibration.camera.height_px
+    if size_px != (seen.width_px, seen.height_px):
+        raise InputError.at(
+            "sensing.calibration_path",
+            f"calibrated at {size_px[0]}×{size_px[1]} px, but sensing.camera.width_px and "
+            f"height_px make {seen.width_px}×{seen.height_px} px",
+            got=shown(section.calibration_path),
+            hint="calibrate at the resolution that is used, or leave the key out",
+        )
+    return calibration
+
+
+def refuse_unusable(
+    section: CameraSensing, believed: CameraOptions, model: mujoco.MjModel, folder: Path
+) -> None:
+    """Look at a camera and what is believed of it, without taking pictures.
+
+    Raises:
+        InputError: `CameraSensor` or `find_calibration` would refuse it.
+    """
+    read_layout(model)
+    cameras = {CAMERA: section.camera}
+    if section.calibration_path is not None:
+        named_calibration(section, folder)
+    elif believed != section.camera:
+        cameras[BELIEVED] = believed
+    for key, camera in cameras.items():
+        stride = max(1, camera.width_px // LOOKED_AT, camera.height_px // LOOKED_AT)
+        rays(hang_camera(copy(model), camera), key, stride)

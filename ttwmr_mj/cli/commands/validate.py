@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.cli.shared import SCENARIO, Overrides, warn
 from ttwmr_mj.cli.supervisor import supervise
-from ttwmr_mj.errors import InputError, printable
+from ttwmr_mj.errors import InputError, MachineError, printable
 
 if TYPE_CHECKING:
     from ttwmr_mj.scenario.schema import Scenario
@@ -41,11 +42,12 @@ class Validate(Overrides, name="validate"):
         return 2 if errors else 0
 
     def _check_law(self, name: str, scenario: Scenario) -> None:
-        """A law of the user's.
+        """A law of the user's, and what a run builds of the rest.
 
         Raises:
             InputError: with what is wrong with it.
         """
+        from ttwmr_mj.runs.build import refuse_unbuildable
         from ttwmr_mj.runs.rehearsal import rehearsed
         from ttwmr_mj.scenario.file import find_scenario
 
@@ -55,6 +57,11 @@ class Validate(Overrides, name="validate"):
         faults = rehearsed(scenario, file.parent, load=self.run_code)
         if faults:
             raise InputError(*faults, file=str(file))
+        try:
+            with suppress(MachineError):  # what this machine lacks is no fault of the scenario
+                refuse_unbuildable(scenario, file.parent)
+        except InputError as error:
+            raise InputError(*error.faults, file=error.file or str(file)) from error
         law = ""
         if scenario.controller.kind == "custom":
             read = "read, not run; --load imports and starts it"

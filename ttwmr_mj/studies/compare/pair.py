@@ -16,9 +16,10 @@ from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.loop import Report
 from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
-from ttwmr_mj.scenario.checks import physics_step_faults, unknown_to_the_models
+from ttwmr_mj.scenario.checks import unknown_to_the_models
 from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.timing import physics_step_faults
 from ttwmr_mj.studies.compare import motion
 from ttwmr_mj.studies.compare.deviation import Deviation, Numbers
 from ttwmr_mj.studies.compare.residuals import Residuals

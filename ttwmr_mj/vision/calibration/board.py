@@ -11,7 +11,7 @@ from ttwmr_mj.assets import models_folder
 from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
-from ttwmr_mj.vision.camera.lens import LensMap
+from ttwmr_mj.vision.camera.lens import CAMERA, LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions
@@ -61,15 +61,17 @@ class BoardCamera:
         true: the camera's geometry.
     """
 
-    def __init__(self, options: CameraOptions, rng: np.random.Generator) -> None:
-        """Build the laboratory with a board in it and no robot.
+    def __init__(self, options: CameraOptions, rng: np.random.Generator, key: str = CAMERA) -> None:
+        """Build the laboratory with a board in it and no robot; `key` as of `LensMap`.
 
         Raises:
+            InputError: the lens folds the picture.
             MachineError: no OpenGL.
         """
         model = _board_model()
         self.true: CameraModel = hang_camera(model, options)
-        self._lens = LensMap(self.true, options.supersampling, options.lens.defocus_px)
+        lens = options.supersampling, options.lens.defocus_px
+        self._lens = LensMap(self.true, *lens, key)
         self._renderer = RegionRenderer(model, options.name, self._lens.focal_px)
         self._noise = SensorNoise(options.noise, options.width_px, options.height_px, rng)
         self._floor = self._renderer.static(self._lens.whole)

@@ -9,6 +9,7 @@ small board would leave loose in tilt.
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import count
+from typing import Any
 
 import cv2
 import numpy as np
@@ -24,8 +25,9 @@ from ttwmr_mj.vision.calibration.board import (
     find_board,
 )
 from ttwmr_mj.vision.camera.frame import Image
+from ttwmr_mj.vision.camera.lens import CAMERA
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.camera.options import CameraOptions
+from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 
 MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
 HELD_GRID = (4, 3)  # columns and rows of places in the picture where boards are held
@@ -104,14 +106,21 @@ def calibrate(
     return Calibration(camera, float(rms), floor_rms, len(everything))
 
 
-def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calibration:
+def calibrate_virtual(
+    options: CameraOptions, rng: np.random.Generator, key: str = CAMERA
+) -> Calibration:
     """Calibrate the simulated camera by showing it a board, as one would the real one.
 
+    Args:
+        options: the camera.
+        rng: source of the noise in its pictures, and of how the board is held.
+        key: where a scenario has this camera.
+
     Raises:
-        InputError: the board was not found often enough, as with too much noise.
+        InputError: it sees too little of the board, as with too much noise.
         MachineError: no OpenGL.
     """
-    camera = BoardCamera(options, rng)
+    camera = BoardCamera(options, rng, key)
     moments = count(0.0, PERIOD_S)
 
     def views(poses: list[Pose]) -> list[BoardView]:
@@ -121,7 +130,36 @@ def calibrate_virtual(options: CameraOptions, rng: np.random.Generator) -> Calib
     origin = views([_flat_pose(0.0, 0.0, 0.0)] * ORIGIN_VIEWS)
     flat = views([_flat_pose(*pose) for pose in FLAT_POSES])
     camera.close()
-    return calibrate(held, origin, flat, options.width_px, options.height_px)
+    try:
+        return calibrate(held, origin, flat, options.width_px, options.height_px)
+    except InputError as error:
+        found = len(held) + len(origin) + len(flat)
+        raise InputError.at(
+            key,
+            "before a run the camera is calibrated with a board of 0.56 m × 0.40 m held about the "
+            f"origin, and in {found} of {HELD_VIEWS + ORIGIN_VIEWS + len(FLAT_POSES)} pictures it "
+            "sees enough of it",
+            got=_unusual(options),
+            allowed="a camera that sees the board whole, sharp and with some 20 px to a square",
+            hint="change these values, or name a calibration in sensing.calibration_path",
+        ) from error
+
+
+def _unusual(options: CameraOptions) -> str:
+    """What a camera has else than the laboratory's or a perfect one, whichever is nearer to it."""
+    given = _flat(options)
+    others = (_flat(base) for base in (LAB_CAMERA, CameraOptions()))
+    unlike = ([key for key in given if given[key] != other[key]] for other in others)
+    return ", ".join(f"{key} = {given[key]}" for key in min(unlike, key=len))
+
+
+def _flat(options: CameraOptions) -> dict[str, Any]:
+    """The numbers of camera, lens and noise by their keys: all that a calibration sees."""
+    told: dict[str, Any] = {}
+    for name, value in options.model_dump(exclude={"faults", "exposure", "supersampling"}).items():
+        inner = value if isinstance(value, dict) else {"": value}
+        told |= {f"{name}.{key}".rstrip("."): one for key, one in inner.items()}
+    return told
 
 
 def find_boards(images: Iterable[Image]) -> list[BoardView]:

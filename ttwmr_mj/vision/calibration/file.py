@@ -51,15 +51,14 @@ def save_calibration(calibration: Calibration, path: Path) -> None:
     write_text(path, storage.releaseAndGetString())
 
 
-def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Calibration:
+def load_calibration(path: Path) -> Calibration:
     """Read a calibration and check it.
 
     Args:
         path: an OpenCV FileStorage YAML with the keys that `save_calibration` writes.
-        size_px: width and height of the images it is wanted for; None accepts any.
 
     Raises:
-        InputError: missing, unreadable, incomplete or impossible content, or another resolution.
+        InputError: missing, unreadable, incomplete or impossible content.
     """
     if not path.is_file():
         raise InputError(Fault(problem="no such calibration file", hint=FIX), file=str(path))
@@ -67,20 +66,11 @@ def load_calibration(path: Path, size_px: tuple[int, int] | None = None) -> Cali
         text = path.read_text(encoding="utf-8")
         _refuse_unlike(text)
         storage = cv2.FileStorage(text, cv2.FILE_STORAGE_READ | cv2.FILE_STORAGE_MEMORY)
-        calibration = _read(storage, path)
+        return _read(storage, path)
     # OpenCV's binding raises the one or the other
     except (OSError, ValueError, cv2.error, SystemError) as error:
         unreadable = Fault(problem="cannot be read as OpenCV YAML", hint=FIX)
         raise InputError(unreadable, file=str(path)) from error
-    camera = calibration.camera
-    if size_px is not None and size_px != (camera.width_px, camera.height_px):
-        unlike = Fault(
-            problem=f"calibrated at {camera.width_px}×{camera.height_px} px, but the images have "
-            f"{size_px[0]}×{size_px[1]} px",
-            hint="calibrate at the resolution that is used",
-        )
-        raise InputError(unlike, file=str(path))
-    return calibration
 
 
 def _refuse_unlike(text: str) -> None:

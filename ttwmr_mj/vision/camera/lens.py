@@ -5,11 +5,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import DISTORTION, CameraModel
 from ttwmr_mj.vision.camera.region import Region
 
 Place = NDArray[np.float32]
+CAMERA = "sensing.camera"
 FOLD_PX = 1e-3  # distortion undone and done again leads back to the same pixel
 
 
@@ -24,8 +26,10 @@ class LensMap:
         whole: the region of fine pixels that the whole sensor sees.
     """
 
-    def __init__(self, camera: CameraModel, supersampling: int, defocus_px: float) -> None:
-        """Trace the ray of every pixel.
+    def __init__(
+        self, camera: CameraModel, supersampling: int, defocus_px: float, key: str = CAMERA
+    ) -> None:
+        """Trace the ray of every pixel; `key` is where a scenario has the camera.
 
         Raises:
             InputError: the distortion cannot be inverted within the picture.
@@ -36,17 +40,7 @@ class LensMap:
         self._camera = camera
         self.focal_px = float(supersampling * camera.focal_px[0])
         self.sensor = Region(0, 0, camera.width_px, camera.height_px)
-        column, row = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
-        pixel = np.stack([column, row], axis=-1).astype(np.float64)
-        tangent = camera.to_tangents(pixel)
-        if not np.abs(camera.to_pixels(tangent) - pixel).max() < FOLD_PX:
-            raise InputError.at(
-                "sensing.camera.lens",
-                "this distortion folds the image: near the border a pixel has no unique ray",
-                got=", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion)),
-                allowed="weaker coefficients, or a longer focal length",
-            )
-        fine = tangent * self.focal_px
+        fine = rays(camera, key) * self.focal_px
         self._u, self._v = fine[..., 0].astype(np.float32), fine[..., 1].astype(np.float32)
         self.whole = self._seen(self.sensor)
 
@@ -96,3 +90,23 @@ class LensMap:
         pixels = window.within(self.sensor)
         reach = self._supersampling + 1
         return Region.around(self._u[pixels], self._v[pixels]).grown(reach)
+
+
+def rays(camera: CameraModel, key: str, stride: int = 1) -> FloatArray:
+    """Slopes (rows, columns, 2) of the rays that pixels see, or of one pixel in so many each way.
+
+    Raises:
+        InputError: the distortion cannot be inverted within the picture; with the camera's key.
+    """
+    columns, rows = np.arange(camera.width_px), np.arange(camera.height_px)
+    column, row = np.meshgrid(columns[::stride], rows[::stride])
+    pixel = np.stack([column, row], axis=-1).astype(np.float64)
+    tangent = camera.to_tangents(pixel)
+    if not np.abs(camera.to_pixels(tangent) - pixel).max() < FOLD_PX:
+        raise InputError.at(
+            f"{key}.lens",
+            "this distortion folds the image: near the border a pixel has no unique ray",
+            got=", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion)),
+            allowed="weaker coefficients, or a longer focal length",
+        )
+    return tangent
