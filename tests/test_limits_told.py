@@ -1,4 +1,4 @@
-"""What a message tells as allowed is allowed."""
+"""What a message tells as allowed is allowed; what decides is there."""
 
 from __future__ import annotations
 
@@ -54,3 +54,46 @@ def test_the_longest_step_told_is_taken(damping: float) -> None:
     with pytest.raises(tt.InputError, match=step) as error:
         make_plant(tt.load_scenario("lab_circle", [*values, f"{step}=0.1"]))
     make_plant(tt.load_scenario("lab_circle", [*values, f"{step}={told(error.value)}"]))
+
+
+ELLIPSE = [
+    'reference={kind="flat_ellipse",angular_rate_rad_s=10.0,half_axes_m=[1e-3,2.0],side="outside"}',
+    "plant.kind=analytic",
+    "duration_s=0.2",
+]
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    ("hitch", "told"),
+    [
+        ([], "a reference that is slower, or bends less, asks less"),
+        (["robot.hitch.damping_n_m_s_rad=1e-3"], "the hitch's damper decides most"),
+        (
+            ["robot.hitch.damping_n_m_s_rad=1e-3", "robot.hitch.coulomb_friction_n_m=1e-4"],
+            "the hitch's damper and friction decide most",
+        ),
+    ],
+)
+def test_a_law_without_gains_names_what_decides_and_warns_of_nothing(
+    hitch: list[str], told: str
+) -> None:
+    run = tt.simulate(
+        tt.load_scenario("inverted_trailer", ["controller.kind=tvlqr", *ELLIPSE, *hitch])
+    )
+    assert run.outcomes[0].status == "failed"
+    assert run.outcomes[0].reason.endswith(told)
+
+
+def test_a_law_of_the_users_warns_as_ever() -> None:
+    class Careless(tt.Controller):
+        def start(self, task: tt.Task) -> None:
+            del task
+
+        def command(self, k: int, estimate: tt.Estimate) -> tt.Command:
+            del k
+            return self.plain(np.nan_to_num(estimate.state.q[:, :2] / np.zeros(2), posinf=0.0))
+
+    scenario = tt.load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=0.1"])
+    with pytest.warns(RuntimeWarning, match="divide by zero"):
+        tt.simulate(scenario, controller=Careless())

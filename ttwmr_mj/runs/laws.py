@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Container
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,6 +71,7 @@ class Laws:
         self._answers = Answers(torque_input)
         self.deadline = Deadline(self._limit_s)
         self._process = os.getpid()
+        self._warnings: dict[str, Any] = dict(np.geterr())
 
     def start(self) -> list[Broken]:
         """Start them; who breaks ends before its first command.
@@ -82,14 +83,14 @@ class Laws:
         for part in self._parts:
             self.deadline.limit_s = limit_s = part.who.size * self._start_limit_s
             try:
-                with self.deadline:
+                with self.deadline, self._heard(part):
                     part.controller.start(part.task)
             except (InputError, KeyboardInterrupt):
                 raise
             except np.linalg.LinAlgError as error:
                 reason = (
                     "controller.start() found no gains for these numbers of robot and reference "
-                    f"({error}); the hitch's spring, damper and friction decide most"
+                    f"({error}); {_what_decides(part.task)}"
                 )
                 broken.append(Broken(part.who.tolist(), reason, error))
             except BaseException as error:  # a law of the user's may raise anything
@@ -135,7 +136,7 @@ class Laws:
         # what a law does to the arrays that it was given is nobody else's business
         seen = estimate.copy() if len(self._parts) == 1 else estimate.of(part.who)
         try:
-            with self.deadline:
+            with self.deadline, self._heard(part):
                 answer = part.controller.command(k, seen)
                 return self._answers.checked(answer, part.who.size)
         except KeyboardInterrupt:  # of the user, who is not to be ignored
@@ -145,6 +146,11 @@ class Laws:
             return Broken(part.who.tolist(), _broken(error, time_s, self.deadline.limit_s), error)
         finally:
             leave_if_forked(self._process)
+
+    def _heard(self, part: Part) -> np.errstate:
+        """A law of the user's warns of its numbers as its author has it."""
+        ours = type(part.controller).__module__.startswith("ttwmr_mj.")
+        return np.errstate() if ours else np.errstate(**self._warnings)
 
     def _joined(self, answers: list[tuple[NDArray[np.intp], Command]]) -> Command:
         """One command for all, zero for those without."""
@@ -165,6 +171,22 @@ class Laws:
             if joined.wheel_torque_n_m is not None:
                 joined.wheel_torque_n_m[who] = command.wheel_torque_n_m
         return joined
+
+
+def _what_decides(task: Task) -> str:
+    """What most likely leaves a law without gains."""
+    acts = [
+        name
+        for name, key in (
+            ("spring", "stiffness_n_m_rad"),
+            ("damper", "damping_n_m_s_rad"),
+            ("friction", "coulomb_friction_n_m"),
+        )
+        if any(np.any(getattr(hitch, key)) for hitch in task.robot.hitches)
+    ]
+    if acts:
+        return f"the hitch's {' and '.join(acts)} decide{'s' * (len(acts) == 1)} most"
+    return "a reference that is slower, or bends less, asks less"
 
 
 def _without_sense(who: NDArray[np.intp], command: Command, ended: Container[int]) -> list[Broken]:
