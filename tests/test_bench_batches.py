@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import read_json
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders, shareable
@@ -193,6 +194,27 @@ def test_a_worker_that_is_killed_is_no_failure_of_its_row(folder: Path) -> None:
     (folder / "suite.toml").write_text(SUITE)
     assert run_suite(only, folder / "out", workers=1) == {}
     assert len(collect(only, folder / "out").lines) == 2
+
+
+@pytest.mark.slow
+def test_rows_that_timed_out_and_no_others_are_run_again_with_more_time(folder: Path) -> None:
+    suite, out = load_suite(str(folder / "suite.toml")), folder / "out"
+    only = suite.model_copy(update={"block": suite.block[:1], "seeds": [0]})
+    mpc = only.controller["tvlqr"].model_copy(update={"overrides": ['controller={kind="mpc"}']})
+    more = only.model_copy(update={"controller": {**only.controller, "mpc": mpc}})
+    assert run_suite(only, out) == {}
+    assert run_suite(more.model_copy(update={"timeout_s": 1e-3}), out) == {}
+
+    def told() -> dict[str, str]:
+        return {p.parent.name[:5]: read_json(p)["reason"] for p in out.glob("runs/*/row.json")}
+
+    late = {"lyapu": "", "tvlqr": "", "mpc-c": "timed out after 0.001 s"}
+    made = {path: path.stat().st_mtime_ns for path in out.glob("runs/*/trajectory.parquet")}
+    assert run_suite(more.model_copy(update={"timeout_s": 1e-4}), out) == {}
+    assert told() == late
+    assert run_suite(more, out) == {}
+    assert told() == late | {"mpc-c": ""}
+    assert {path: path.stat().st_mtime_ns for path in made} == made
 
 
 def workers_of(caller: int) -> list[int]:

@@ -15,6 +15,7 @@ import pytest
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.studies.sweep.answers.read import Sweep
 from ttwmr_mj.studies.sweep.compute import Broke, Computed, Outcome, Unexpected, computed
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.execute import chunk_size, fill
@@ -284,3 +285,13 @@ def test_what_is_run_here_is_what_is_run_alone(plan: Plan, tmp_path: Path) -> No
     one, other = ((tmp_path / name / "results.parquet").read_bytes() for name in "ab")
     assert one == other
     assert pq.read_table(io.BytesIO(one)).schema.equals(schema_of(plan))
+
+
+def test_what_changes_no_row_is_taken_from_the_file(plan: Plan, tmp_path: Path) -> None:
+    whole = filled(plan, tmp_path / "out")
+    other = replace(plan, metric="tractor_max_error_m", description="with another metric")
+    refuse_other(tmp_path / "out", plan, other)
+    assert fill(other, tmp_path / "out", told)
+    assert stored_plan(tmp_path / "out") == other
+    assert Sweep.read(tmp_path / "out").plan["headline_metric"] == "tractor_max_error_m"
+    assert (tmp_path / "out" / "results.parquet").read_bytes() == whole

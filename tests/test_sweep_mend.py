@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Generator, Iterable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,11 +12,15 @@ from test_sweep_folder import filled, told
 
 from sweeps import SMALL, plan_of
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.studies.pool.limits import reason_after
+from ttwmr_mj.studies.sweep.compute import Broke, Compute, Outcome
 from ttwmr_mj.studies.sweep.execute import fill
 from ttwmr_mj.studies.sweep.folder.merge import merge
-from ttwmr_mj.studies.sweep.folder.plan_file import refuse_foreign, write_plan
+from ttwmr_mj.studies.sweep.folder.part import Part
+from ttwmr_mj.studies.sweep.folder.plan_file import refuse_foreign, stored_plan, write_plan
 from ttwmr_mj.studies.sweep.folder.shards import shards_in
 from ttwmr_mj.studies.sweep.plan.plan import Plan
+from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 
 @pytest.fixture
@@ -35,6 +40,61 @@ def test_a_damaged_shard_is_named_and_made_again(plan: Plan, tmp_path: Path) -> 
     assert fill(plan, tmp_path / "out", told, warn=said.extend)
     assert said == [f"{shard.path}: damaged; it is made again"]
     assert (tmp_path / "out" / "results.parquet").read_bytes() == whole
+
+
+def late_at(*late: int) -> Compute:
+    """Rows that take longer than they are allowed, among others that do not."""
+
+    def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
+        for rows in chunks:
+            if set(rows.tolist()) & set(late):
+                yield Broke(rows, reason_after(plan.timeout_s * len(rows)))
+            else:
+                yield from told(plan, [rows])
+
+    return compute
+
+
+def test_rows_that_timed_out_and_no_others_are_made_again_with_more_time(
+    plan: Plan, tmp_path: Path
+) -> None:
+    whole, out = filled(plan, tmp_path / "whole"), tmp_path / "out"
+    made: list[int] = []
+
+    def noting(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
+        for rows in chunks:
+            made.extend(rows.tolist())
+            yield from told(plan, [rows])
+
+    short = replace(plan, timeout_s=0.3)
+    write_plan(out, short)
+    assert fill(short, out, late_at(3, 8, 9), chunk=6)
+    first = (out / "results.parquet").read_bytes()
+    for no_more in (short, replace(plan, timeout_s=0.2)):
+        assert fill(no_more, out, noting)
+        assert (made, (out / "results.parquet").read_bytes()) == ([], first)
+    assert not fill(plan, out, noting, part=Part(2, 2))  # of the others, one is in the other part
+    assert made == [8, 9]
+    assert not (out / "results.parquet").exists()
+    assert fill(plan, out, noting)
+    assert made == [8, 9, 3]
+    assert (out / "results.parquet").read_bytes() == whole
+    assert stored_plan(out) == plan
+    assert fill(plan, out, noting)
+    assert len(made) == 3
+
+
+def test_folders_of_several_limits_are_joined_with_the_largest(plan: Plan, tmp_path: Path) -> None:
+    short = replace(plan, timeout_s=0.3)
+    write_plan(tmp_path / "a", short)
+    fill(short, tmp_path / "a", late_at(3), part=Part(1, 2))
+    write_plan(tmp_path / "b", plan)
+    fill(plan, tmp_path / "b", told, part=Part(2, 2))
+    joined = merge((tmp_path / "a", tmp_path / "b"), tmp_path / "all")
+    assert joined.timeout_s == plan.timeout_s
+    assert fill(joined, tmp_path / "all", told)
+    whole = filled(plan, tmp_path / "whole")
+    assert (tmp_path / "all" / "results.parquet").read_bytes() == whole
 
 
 def folder_at(path: Path) -> None:

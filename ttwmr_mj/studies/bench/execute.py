@@ -20,6 +20,7 @@ from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, row
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.ingredients import made_of_run
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
+from ttwmr_mj.studies.pool.limits import has_more_time
 from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept, run_files
 
 BATCH = 16  # rows at once: what a kill may cost
@@ -65,12 +66,16 @@ def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     return stored
 
 
-def _is_done(row: SuiteRow, kept: Kept, folder: Path) -> bool:
-    """Whether a row need not be run: its result is whole, and of what it would be made of."""
+def _is_done(row: SuiteRow, kept: Kept, folder: Path, timeout_s: float) -> bool:
+    """Whether a row need not be run: its result is whole, and of what it would be made of.
+
+    One that timed out is run again where it may now take longer.
+    """
     try:
-        return kept.is_done and _read_row(row, folder) is not None
+        stored = _read_row(row, folder) if kept.is_done else None
     except ValueError:
         return False
+    return stored is not None and not has_more_time(stored["reason"], timeout_s)
 
 
 def run_suite(
@@ -108,7 +113,8 @@ def run_suite(
     _refuse_foreign(folder)
     with locked(folder):
         kept = {key: _kept(row, scenarios[key], folder) for key, row in rows.items()}
-        missing = [key for key in rows if not _is_done(rows[key], kept[key], folder)]
+        limit_s = suite.timeout_s
+        missing = [k for k, row in rows.items() if not _is_done(row, kept[k], folder, limit_s)]
         for key in rows.keys() - set(missing):
             _rename_row(rows[key], folder)
         placed = [_placed(rows[key], scenarios[key], folder) for key in missing]

@@ -30,6 +30,7 @@ from typing import Any
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
 from ttwmr_mj.files import delete_drafts, scratch_folder, variable
 from ttwmr_mj.runs import signals
+from ttwmr_mj.studies.pool.limits import reason_after
 from ttwmr_mj.studies.pool.preload import ask_for, load
 
 # what the machine or a person ends a process with, out of memory included
@@ -145,10 +146,8 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 def _wait(running: list[_Process]) -> None:
     """Until one of the processes answers, ends, or has had its time."""
-    left_s = min(process.ends_at for process in running) - monotonic()
-    wait(
-        [process.sentinel for process in running], None if math.isinf(left_s) else max(left_s, 0.0)
-    )
+    left_s = max(min(process.ends_at for process in running) - monotonic(), 0.0)
+    wait([process.sentinel for process in running], None if math.isinf(left_s) else left_s)
 
 
 class _Process:
@@ -180,7 +179,7 @@ class _Process:
         code = self.end()
         answer = self._answered()
         if answer is None and timed_out:
-            answer = Failed(self._job, f"timed out after {self._job.timeout_s:g} s", late=True)
+            answer = Failed(self._job, reason_after(self._job.timeout_s), late=True)
         elif answer is None and server_gone:
             answer = Failed(self._job, SERVER_GONE, of_machine=True)
         elif answer is None and code == NO_ROOM:

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from ttwmr_mj.errors import Fault, InputError, MachineError, RunError, TtwmrError
+from ttwmr_mj.studies.pool.limits import reason_after
 from ttwmr_mj.studies.sweep.compute import Broke, Compute, Outcome, computed
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -117,7 +118,7 @@ def shard_by_process(plan: Plan, rows: IntArray) -> Any:
             command, input=asked, capture_output=True, check=False, timeout=limit_s
         )
     except subprocess.TimeoutExpired:
-        return f"timed out after {limit_s:g} s"
+        return reason_after(limit_s)
     if done.returncode or not done.stdout:
         words = done.stderr.decode(errors="replace").strip().splitlines()
         return f"the process ended with exit code {done.returncode}: {' '.join(words[-1:])}"

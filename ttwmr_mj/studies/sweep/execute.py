@@ -13,8 +13,9 @@ import pyarrow.parquet as pq
 from ttwmr_mj.runs.lock import locked
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
-from ttwmr_mj.studies.sweep.folder.mend import mend
+from ttwmr_mj.studies.sweep.folder.mend import drop_late, mend
 from ttwmr_mj.studies.sweep.folder.part import Part
+from ttwmr_mj.studies.sweep.folder.plan_file import update_plan
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -40,7 +41,7 @@ def fill(
     """Compute the rows of a plan, or of a part, that its folder lacks; then the table, if all are.
 
     Args:
-        plan: that the folder holds.
+        plan: that the folder holds, but for what changes no row: plan.json then says it anew.
         folder: of the sweep.
         compute: computes chunks.
         part: which rows; None: all.
@@ -60,6 +61,8 @@ def fill(
             drop_remains(folder, plan)
             if (damaged := mend(folder, plan)) and warn is not None:
                 warn(damaged)
+        update_plan(folder, plan)
+        drop_late(folder, plan)
         done = rows_done(folder, plan)
         start, stop = part.rows(plan)
         _fill(plan, folder, compute, done[start:stop], start, chunk, told)

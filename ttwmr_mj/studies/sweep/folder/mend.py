@@ -1,4 +1,4 @@
-"""Damaged files of a sweep: named, and out of the way, so that their rows are computed again."""
+"""Rows of a sweep that are computed again: of damaged files, and with more time than before."""
 
 from __future__ import annotations
 
@@ -10,9 +10,10 @@ import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import no_device, remove
+from ttwmr_mj.studies.pool.limits import has_more_time
 from ttwmr_mj.studies.sweep.engine import schema_of
-from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE
-from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
+from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
+from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in, to_bytes, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 
@@ -25,6 +26,27 @@ def mend(folder: Path, plan: Plan) -> list[str]:
     for path in bad:
         remove(path)
     return [f"{path}: damaged; it is made again" for path in bad]
+
+
+def drop_late(folder: Path, plan: Plan) -> None:
+    """Take out rows that timed out when they were allowed less time than now.
+
+    Killed at any moment, or done by several processes at once, it can be done again.
+    """
+    for shard in shards_in(folder, plan):
+        try:
+            reasons = shard.read(["reason"])["reason"].to_pylist()
+        except InputError:  # damaged, or just taken by the process of another part
+            continue
+        late = np.array([has_more_time(reason or "", plan.timeout_s) for reason in reasons])
+        if not late.any():
+            continue
+        for name in (RESULTS_FILE, REPORT_FILE):
+            (folder / name).unlink(missing_ok=True)
+        if not late.all():
+            rest = shard.read().filter(~late).combine_chunks()
+            write_shard(folder, plan, rest["row"].to_numpy(), to_bytes(rest))
+        shard.path.unlink(missing_ok=True)
 
 
 def _is_sound(shard: Shard, plan: Plan) -> bool:

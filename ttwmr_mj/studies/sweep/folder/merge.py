@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from ttwmr_mj.errors import Fault, InputError
@@ -23,7 +24,8 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
     """
     plans = [(folder, _plan_of(folder)) for folder in folders]
     target = stored_plan(into)
-    first = target or plans[0][1]
+    every = [*([target] if target else []), *(plan for _, plan in plans)]
+    first = replace(every[0], timeout_s=max(plan.timeout_s for plan in every))
     for folder, plan in plans:
         refuse_other(folder, plan, first)
     shards = [shard for folder, plan in plans for shard in shards_in(folder, plan)]

@@ -40,6 +40,13 @@ def write_plan(folder: Path, plan: Plan) -> None:
     write_json(folder / PLAN_FILE, plan.to_json())
 
 
+def update_plan(folder: Path, plan: Plan) -> None:
+    """Write the folder's plan anew where it differs in what changes no row, such as the metric."""
+    stored = stored_plan(folder)
+    if stored is None or stored.to_json() != plan.to_json():
+        write_plan(folder, plan)
+
+
 def refuse_other(folder: Path, stored: Plan, plan: Plan) -> None:
     """Raises InputError if the plans' results differ, with what does."""
     if stored.digest == plan.digest:
