@@ -78,6 +78,7 @@ class Sweep(Quiet, name="sweep"):
         """The plan, every row of it checked, unless the folder holds it already."""
         from ttwmr_mj.runs.progress import progress_bar
         from ttwmr_mj.studies.sweep.folder.plan_file import stored_plan
+        from ttwmr_mj.studies.sweep.laws import check_laws
         from ttwmr_mj.studies.sweep.plan.build import build_plan, completed
         from ttwmr_mj.studies.sweep.plan.checks import check_plan
         from ttwmr_mj.studies.sweep.plan.file import load_sweep, shipped_sweeps
@@ -92,6 +93,7 @@ class Sweep(Quiet, name="sweep"):
         if self.dry_run or stored is None or not stored.has_rows_of(plan):
             with progress_bar("checking rows", 1.0, "", self.quiet) as progress:
                 check_plan(plan, request.source, workers=self.workers, progress=progress)
+            check_laws(plan, request.source, workers=self.workers)
         plan = completed(plan)
         if not self.quiet:
             warn(remarks(plan))

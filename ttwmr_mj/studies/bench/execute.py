@@ -6,7 +6,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import InputError, of_system
+from ttwmr_mj.errors import Fault, InputError, of_system
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.foresight import foretold
@@ -20,6 +20,7 @@ from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, row
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.ingredients import made_of_run
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
+from ttwmr_mj.studies.pool.laws import refused_laws
 from ttwmr_mj.studies.pool.limits import has_more_time
 from ttwmr_mj.studies.pool.task import MADE_OF_FILE, PRELOAD, Kept, run_files
 
@@ -107,6 +108,7 @@ def run_suite(
     """
     rows = {row.key: row for row in rows_of(suite)}
     scenarios = checked_scenarios(list(rows.values()))
+    _refuse_laws(rows, scenarios, suite.timeout_s, workers)
     if told is not None:
         told(_foretold(scenarios.values()))
     make_folder(folder)
@@ -133,6 +135,21 @@ def run_suite(
                 if progress is not None:
                     progress(float(done))
     return {key: not_run[key] for key in rows if key in not_run}
+
+
+def _refuse_laws(
+    rows: dict[str, SuiteRow], scenarios: dict[str, Scenario], timeout_s: float, workers: int | None
+) -> None:
+    """Refuse rows whose law is not there, or cannot be made: no run would say more of it."""
+    placed = {key: (scenarios[key], _beside(row)) for key, row in rows.items()}
+    refused = refused_laws(placed, timeout_s, workers=workers, preload=PRELOAD)
+    faults = [
+        Fault(key=(f"row {key}",), problem=str(fault))
+        for key, found in refused.items()
+        for fault in found
+    ]
+    if faults:
+        raise InputError("laws that cannot be loaded, each with its first row", *faults)
 
 
 def _refuse_foreign(folder: Path) -> None:

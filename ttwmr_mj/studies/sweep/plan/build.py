@@ -87,14 +87,14 @@ def completed(plan: Plan) -> Plan:
     """
     from dataclasses import replace
 
-    rows = list(_kinds_of_rows(plan))
+    rows = list(kinds_of_rows(plan))
     scenarios = [plan.scenario_of(row) for row in rows]
     return replace(
         plan, metric=plan.metric or _headline(scenarios[0]), made_of=_made_of(plan, scenarios)
     )
 
 
-def _kinds_of_rows(plan: Plan) -> Iterator[Row]:
+def kinds_of_rows(plan: Plan) -> Iterator[Row]:
     """A row of each variant, and of each word that a parameter may be."""
     first: dict[str, Value] = {key: p.extremes[0] for key, p in plan.parameters.items()}
     for variant in plan.variant_names:

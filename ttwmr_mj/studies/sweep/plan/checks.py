@@ -136,10 +136,11 @@ def _tried(plan: Plan, variant: str, values: dict[str, Value]) -> Scenario | lis
         return plan.scenario_of(row)
     except InputError as error:
         where = f"variant {variant}" if variant else ""
-        return [Found(_placed(fault, where), -1) for fault in error.faults]
+        return [Found(placed(fault, where), -1) for fault in error.faults]
 
 
-def _placed(fault: Fault, where: str) -> Fault:
+def placed(fault: Fault, where: str) -> Fault:
+    """The fault with where it is, such as in which variant, if that is not empty."""
     if not where:
         return fault
     return replace(fault, hint=f"{fault.hint}; in {where}" if fault.hint else f"in {where}")
@@ -195,7 +196,7 @@ def faults_in(plan: Plan, rows: IntArray) -> list[Found]:
             plan.scenario_of(row)
         except InputError as error:
             for fault in error.faults:
-                one = Found(_placed(fault, f"variant {row.variant}" * bool(row.variant)), row.row)
+                one = Found(placed(fault, f"variant {row.variant}" * bool(row.variant)), row.row)
                 known = found.get(one.kind)
                 found[one.kind] = replace(known, count=known.count + 1) if known else one
     return sorted(found.values(), key=lambda one: one.row)
