@@ -31,7 +31,8 @@ RULES = (
     "the error it had.",
     f"Of several seeds: the median with its {LEVEL:.0%} interval between two order statistics "
     "(of ten runs the second and the ninth), and the share that followed with its exact binomial "
-    "interval. A single run has neither.",
+    "interval. A single run has neither. Where all seeds gave the very same run, nothing in it is "
+    "random, and it counts as a single one.",
     "Best is only what is significantly better than every other law of the row, by an exact "
     f"two-sided sign test, p ≤ {SIGNIFICANCE:g}, on pairs of runs with the same seed, so with the "
     "same world, push and noise. A run that followed beats one that did not; of two that followed "
@@ -71,6 +72,7 @@ def _row(line: Line) -> dict[str, Any]:
         "meant": line.meant,
         "best": line.best,
         "runs": len(line.runs),
+        "repeats": len(line.repeats),
         "failures": len(line.failed),
         "lost": line.lost,
         "followed": followed.value,
@@ -86,6 +88,13 @@ def _row(line: Line) -> dict[str, Any]:
 def sentences(line: Line) -> list[str]:
     """Of every run that failed, which and why."""
     return [f"seed {run.seed}: {run.sentence}" for run in line.failed]
+
+
+def notes(line: Line) -> list[str]:
+    """What is said of a line below its table: repeats, and runs that failed."""
+    seeds = ", ".join(map(str, (line.runs[0].seed, *line.repeats)))
+    same = f"seeds {seeds}: the very same run, which counts once"
+    return [*([same] if line.repeats else []), *sentences(line)]
 
 
 def status(board: Board) -> str:
@@ -125,9 +134,7 @@ def to_markdown(board: Board, title: str) -> str:
     for (task, condition), members in sections(board.lines).items():
         parts.append(f"## {task} · {condition}\n\n{table([HEAD, *map(_cells, members)])}\n")
         told = [
-            f"- {x.names['controller']}, {in_markdown(text)}"
-            for x in members
-            for text in sentences(x)
+            f"- {x.names['controller']}, {in_markdown(text)}" for x in members for text in notes(x)
         ]
         parts += ["\n".join(told) + "\n"] if told else []
         commands = "\n".join(

@@ -1,5 +1,7 @@
 """Lines of the leaderboard: a controller on a task, its numbers over all seeds, and their ranks."""
 
+from __future__ import annotations
+
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable
@@ -29,6 +31,7 @@ class Column(NamedTuple):
         return next((value for value in found if value is not None), None)
 
 
+TIME = "control, µs"
 _error = partial(Column, scale=1e3, of_part=True, endless=True)
 COLUMNS = {
     "error, mm": _error(("centre_of_oscillation_rmse_m", "tractor_rmse_m")),
@@ -39,7 +42,7 @@ COLUMNS = {
     "effort, rad²/s": Column(("control_effort",)),
     "saturated, %": Column(("saturated_share",), 100.0),
     "blind, %": Column(("blind_share",), 100.0),
-    "control, µs": Column(("control_time_per_sample_us",)),
+    TIME: Column(("control_time_per_sample_us",)),
 }
 RANKED_BY = "error, mm"
 
@@ -67,6 +70,11 @@ class Run:
         """Whether it is no failure."""
         return self.verdict in SUCCESSES
 
+    def repeats(self, other: Run) -> bool:
+        """Whether all that is known of both is the same, but for the time that the law took."""
+        mine, theirs = ({**run.values, TIME: None} for run in (self, other))
+        return (self.verdict, self.sentence, mine) == (other.verdict, other.sentence, theirs)
+
     @property
     def outcome(self) -> Outcome:
         """As laws are compared."""
@@ -80,7 +88,8 @@ class Line:
 
     Attributes:
         names: axis → name.
-        runs: by seed, in the suite's order.
+        runs: by seed, in the suite's order, each once.
+        repeats: seeds whose runs are the first's, bit for bit, and are not counted.
         scored: what errors cover, "steady" or "whole".
         meant: the law is made for the task.
         command: runs its first seed again.
@@ -97,6 +106,18 @@ class Line:
     manifest: str | None
     recordings: tuple[str, ...] = ()
     best: bool = False
+    repeats: tuple[int, ...] = ()
+
+    @property
+    def alike(self) -> bool:
+        """Whether seeds make no difference that can be seen."""
+        return all(run.repeats(self.runs[0]) for run in self.runs)
+
+    @property
+    def outcomes(self) -> dict[int, Outcome]:
+        """Of every seed, repeats included."""
+        repeats = dict.fromkeys(self.repeats, self.runs[0].outcome)
+        return repeats | {run.seed: run.outcome for run in self.runs}
 
     @property
     def followed(self) -> int:
@@ -147,11 +168,28 @@ def ranked(lines: Iterable[Line], order: dict[str, list[str]]) -> list[Line]:
     return [replace(x, best=_is_best(x, group)) for group in groups.values() for x in group]
 
 
+def without_repeats(line: Line) -> Line:
+    """The line with one run alone, if all of its runs came to their end and are the same one.
+
+    Runs that broke off have no numbers that could show it.
+    """
+    first, *others = line.runs
+    if not (line.alike and first.finished):
+        return line
+    return replace(line, runs=(first,), repeats=tuple(run.seed for run in others))
+
+
 def _is_best(line: Line, group: list[Line]) -> bool:
     """Whether it is significantly better than every other one, of which there are some."""
-    outcomes = [{run.seed: run.outcome for run in other.runs} for other in group if other != line]
-    mine = {run.seed: run.outcome for run in line.runs}
-    return bool(outcomes) and all(better(mine, theirs) for theirs in outcomes)
+    others = [other for other in group if other != line]
+    return bool(others) and all(_is_better(line, other) for other in others)
+
+
+def _is_better(line: Line, other: Line) -> bool:
+    """Whether it is significantly better; where seeds decide about neither, they are one pair."""
+    if line.alike and other.alike:
+        return better({0: line.runs[0].outcome}, {0: other.runs[0].outcome})
+    return better(line.outcomes, other.outcomes)
 
 
 def _rank(line: Line, order: dict[str, list[str]]) -> tuple[Any, ...]:

@@ -10,7 +10,7 @@ from typing import Any
 from ttwmr_mj.files import write_text
 from ttwmr_mj.studies.bench.evidence import Statistic
 from ttwmr_mj.studies.bench.figures import write_charts
-from ttwmr_mj.studies.bench.leaderboard import RULES, followed_share, sentences, status
+from ttwmr_mj.studies.bench.leaderboard import RULES, followed_share, notes, status
 from ttwmr_mj.studies.bench.lines import COLUMNS, RANKED_BY, Line
 from ttwmr_mj.studies.bench.overview import (
     CAPTION,
@@ -83,7 +83,7 @@ def _section(lines: list[Line]) -> dict[str, Any]:
     return {
         "head": [*head, "followed", "verdict", "files"],
         "rows": [_row(line, shown, several) for line in lines],
-        "told": [f"{x.names['controller']}, {text}" for x in lines for text in sentences(x)],
+        "told": [f"{x.names['controller']}, {text}" for x in lines for text in notes(x)],
         "commands": [line.command for line in lines],
     }
 

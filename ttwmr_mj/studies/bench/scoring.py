@@ -14,7 +14,7 @@ from ttwmr_mj.runs.judged import judged
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
-from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked
+from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked, without_repeats
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
 
 NEEDED = ("scenario.resolved.toml", "trajectory.parquet", "metrics.json")
@@ -90,7 +90,7 @@ def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
     first = scored[0][0]
     recordings = (row_folder(row, folder) / "run.rrd" for row, _ in scored)
     manifest = row_folder(first, folder) / "manifest.json"
-    return Line(
+    line = Line(
         names=dict(first.names),
         runs=tuple(run for _, run in scored),
         scored=first.scored,
@@ -99,6 +99,7 @@ def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
         manifest=str(manifest.relative_to(folder)) if manifest.is_file() else None,
         recordings=tuple(str(p.relative_to(folder)) for p in recordings if p.is_file()),
     )
+    return without_repeats(line)
 
 
 def _scored(row: SuiteRow, folder: Path) -> Run | None:

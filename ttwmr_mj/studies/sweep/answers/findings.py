@@ -156,10 +156,14 @@ def _pairs(sweep: Sweep, rng: np.random.Generator) -> list[Pair]:
 
 
 def _paired(sweep: Sweep, ours: str, theirs: str, rng: np.random.Generator) -> Paired:
-    """Of two variants, on the draws and seeds that both have."""
+    """Of two variants, on the draws and seeds that both have; one without repeats has any seed."""
     pair = [sweep.variants[name] for name in (ours, theirs)]
     keys = [np.array([r.table["draw"], r.table["seed"]], dtype=np.int64).T for r in pair]
     places = [{tuple(key): i for i, key in enumerate(each.tolist())} for each in keys]
+    if sweep.seeds[ours] != sweep.seeds[theirs]:
+        few = int(sweep.seeds[ours] > sweep.seeds[theirs])
+        of_draw = {draw: i for (draw, _), i in places[few].items()}
+        places[few] = {key: of_draw[key[0]] for key in places[1 - few] if key[0] in of_draw}
     shared = [key for key in places[0] if key in places[1]]
     one, other = (
         runs.where(np.array([at[key] for key in shared], dtype=int))

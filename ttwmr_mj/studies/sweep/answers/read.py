@@ -52,18 +52,24 @@ class Sweep:
         return replace(self, table={name: values[rows] for name, values in self.table.items()})
 
     def without_repeats(self) -> Sweep:
-        """The runs of the first seed alone, where no seed changes anything; else all of them.
+        """Of variants in which no seed changes anything, the runs of the first seed alone.
 
         Intervals count runs; the same run counted twice would make them too narrow.
         """
+        quiet = [name for name, runs in self.variants.items() if runs._seeds_repeat()]
+        repeats = np.isin(self.table["variant"].astype(str), quiet)
+        return self.where(~repeats | (self.table["seed"] == self.plan["seeds"][0]))
+
+    def _seeds_repeat(self) -> bool:
+        """Whether every seed gave the very same runs; runs without any number do not show it."""
         first, *others = (self.where(self.table["seed"] == seed) for seed in self.plan["seeds"])
         numbers = first._outcomes()
         repeats = (np.array_equal(numbers, seed._outcomes(), equal_nan=True) for seed in others)
-        return first if others and all(repeats) else self
+        return bool(others) and bool(np.isfinite(numbers).any()) and all(repeats)
 
     def _outcomes(self) -> FloatArray:
-        """(metrics, n) of the runs in the order of draws and variants."""
-        order = np.lexsort((self.table["variant"].astype(str), self.table["draw"]))
+        """(metrics, n) of the runs in the order of draws."""
+        order = np.argsort(self.table["draw"], kind="stable")
         named = [name for name in ("end_time_s", *METRICS) if name in self.table]
         return np.array([self.table[name].astype(float)[order] for name in named])
 
@@ -100,6 +106,11 @@ class Sweep:
         names = list(self.plan["variants"]) or [""]
         given = self.table["variant"].astype(str)
         return {name: self.where(given == name) for name in names}
+
+    @cached_property
+    def seeds(self) -> dict[str, int]:
+        """Variant → how many seeds it has runs of."""
+        return {name: len(np.unique(runs.table["seed"])) for name, runs in self.variants.items()}
 
     @cached_property
     def axes(self) -> list[Axis]:
