@@ -21,6 +21,7 @@ from ttwmr_mj.runs.many import Placed, batches, run_into_folders, shareable
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.execute import row_folder, run_suite, stored_row
+from ttwmr_mj.studies.bench.overview import condition
 from ttwmr_mj.studies.bench.scoring import collect
 from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
@@ -260,3 +261,29 @@ def test_scoring_leaves_out_rows_that_are_run_again_meanwhile(folder: Path) -> N
     assert list(board.damaged) == [third.key]
     assert "trajectory.parquet" in board.damaged[third.key]
     assert sum(len(line.runs) for line in board.lines) == 3
+
+
+@pytest.mark.slow
+def test_where_a_suite_names_no_plant_and_no_sensor_lines_say_what_was_run(tmp_path: Path) -> None:
+    text = """
+name = "mine"
+[controller.lyapunov]
+[controller.elsewhere]
+overrides = ["plant.kind=analytic"]
+[task.circle]
+scenario = "lab_circle"
+overrides = ["duration_s=0.3"]
+[task.seen]
+scenario = "lab_circle_camera"
+overrides = ["duration_s=0.3"]
+skip = ["elsewhere"]
+"""
+    (tmp_path / "suite.toml").write_text(text)
+    suite = load_suite(str(tmp_path / "suite.toml"))
+    assert run_suite(suite, tmp_path / "out") == {}
+    lines = collect(suite, tmp_path / "out").lines
+    assert sorted((*x.names.values(), condition(x)) for x in lines) == [
+        ("elsewhere", "circle", "analytic", "truth", "none", "analytic · truth"),
+        ("lyapunov", "circle", "contact", "truth", "none", "contact · truth"),
+        ("lyapunov", "seen", "contact", "camera", "none", "contact · camera"),
+    ]

@@ -1,7 +1,8 @@
 """From run folders to lines of a ranking: scored from stored trajectories, nothing simulated."""
 
 from collections import Counter, defaultdict
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, RunError, described
@@ -13,6 +14,7 @@ from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.judged import judged
 from ttwmr_mj.runs.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked, without_repeats
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
@@ -63,8 +65,9 @@ def collect(suite: Suite, folder: Path) -> Board:
     if not groups:
         problem = f"no finished runs of {suite.name} in it"
         raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
-    order = {axis: list(getattr(suite, axis)) for axis in AXES}
-    lines = [_line(group, folder) for group in groups.values()]
+    lines = [_named(_line(group, folder), group[0][0], suite, folder) for group in groups.values()]
+    names = {axis: [line.names[axis] for line in lines] for axis in AXES}
+    order = {axis: list(dict.fromkeys([*getattr(suite, axis), *names[axis]])) for axis in AXES}
     return Board(ranked(lines, order), len(rows), made_by, damaged)
 
 
@@ -100,6 +103,24 @@ def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
         recordings=tuple(str(p.relative_to(folder)) for p in recordings if p.is_file()),
     )
     return without_repeats(line)
+
+
+def _named(line: Line, row: SuiteRow, suite: Suite, folder: Path) -> Line:
+    """The line with the plant and the sensor that its scenario has, where the suite names none."""
+    if left_out := {"plant", "sensing"} - suite.model_fields_set:
+        scenario = _scenario(row, folder)
+        found = {axis: getattr(scenario, axis).kind if scenario else "unknown" for axis in left_out}
+        return replace(line, names=line.names | found)
+    return line
+
+
+def _scenario(row: SuiteRow, folder: Path) -> Scenario | None:
+    """As it was run, or would be; None if neither can be read any more."""
+    resolved = str(row_folder(row, folder) / "scenario.resolved.toml")
+    for name, overrides in ((resolved, ()), (row.scenario, row.overrides)):
+        with suppress(InputError):
+            return load_scenario(name, overrides)
+    return None
 
 
 def _scored(row: SuiteRow, folder: Path) -> Run | None:
