@@ -12,7 +12,7 @@ from ttwmr_mj.errors import TtwmrError
 from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.foresight import foreseen
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.sweep.plan.file import Axis
+from ttwmr_mj.studies.sweep.plan.axes import Axis
 from ttwmr_mj.studies.sweep.plan.parameters import Value
 from ttwmr_mj.studies.sweep.plan.plan import Plan, Row
 

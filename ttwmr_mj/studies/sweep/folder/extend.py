@@ -11,7 +11,7 @@ from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, changes, write_plan
 from ttwmr_mj.studies.sweep.folder.results import GROUP, REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, shards_in, to_bytes, write_shard
-from ttwmr_mj.studies.sweep.plan.file import Axis
+from ttwmr_mj.studies.sweep.plan.axes import Axis
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 

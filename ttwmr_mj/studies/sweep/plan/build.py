@@ -16,7 +16,8 @@ from ttwmr_mj.runs.report import HEADLINES
 from ttwmr_mj.scenario.file import find_scenario, read_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import ENTRY, made_of_run
-from ttwmr_mj.studies.sweep.plan.file import SweepRequest, Table
+from ttwmr_mj.studies.sweep.plan.axes import Table
+from ttwmr_mj.studies.sweep.plan.file import SweepRequest
 from ttwmr_mj.studies.sweep.plan.parameters import Value
 from ttwmr_mj.studies.sweep.plan.plan import SHIPPED, Plan, Row
 

@@ -5,25 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Discriminator, Field, Tag, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
-from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import is_file, read_toml, require_none_but_files
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.studies.bench.suite import is_suite
-from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
+from ttwmr_mj.studies.sweep.plan.axes import OWN_KEYS, Axis, Table, as_toml, axes_of, split_belief
+from ttwmr_mj.studies.sweep.plan.parameters import Range, Value
 
 Sampling = Literal["grid", "random", "latin_hypercube", "sobol"]
 Seed = Annotated[int, Field(ge=0, lt=2**32)]
 Name = Annotated[str, Field(pattern=WORD)]
-Table = dict[str, Any]
 MOST_SEEDS = 1_000_000
-OWN_KEYS = ("seed", "seeds", "name", "description", "schema_version")  # no parameters
 
 
 class Variant(Config):
@@ -79,33 +78,6 @@ class SweepFile(Config):
 
 
 @dataclass(frozen=True, slots=True)
-class Axis:
-    """Parameters that vary together, as one.
-
-    Attributes:
-        parameters: key of the scenario → what it may be.
-    """
-
-    parameters: dict[str, Parameter]
-
-    @property
-    def name(self) -> str:
-        """Its keys."""
-        return " & ".join(self.parameters)
-
-    @property
-    def count(self) -> int | None:
-        """How many values there are; None if there is a continuum."""
-        values = next(iter(self.parameters.values())).values
-        return None if values is None else len(values)
-
-    @property
-    def drawn(self) -> bool:
-        """Whether it has a distribution, of which a grid draws one value for each seed."""
-        return next(iter(self.parameters.values())).drawn
-
-
-@dataclass(frozen=True, slots=True)
 class SweepRequest:
     """A sweep that is sound as a file; whether its rows can run is not known yet.
 
@@ -153,9 +125,10 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
     except ValidationError as error:
         faults = faults_of(error, SweepFile)
         file = _sound_part(data, faults)
-    constants, believed = _belief(file.belief)
-    axes = tuple(_axes(file, believed, faults))
+    constants, believed = split_belief(file.belief)
+    axes = tuple(axes_of(file.parameters, believed, file.together, faults))
     faults += _faults(file, axes)
+    faults += _override_faults(file, overrides, axes, constants)
     if faults:
         raise InputError(*faults, file=str(path))
     seeds = tuple(_seeds(file))
@@ -194,70 +167,6 @@ def _sound_part(data: Table, faults: list[Fault]) -> SweepFile:
     return SweepFile.model_validate(sound)
 
 
-def _belief(given: Table) -> tuple[list[str], Table]:
-    """[belief] as overrides, where it holds values, and as a table of parameters."""
-    constants, varied = [], {}
-    for path, entry in flattened(given):
-        if isinstance(entry, dict):
-            varied[f"belief.{path}"] = entry
-        else:
-            constants.append(f"belief.{path}={_as_toml(entry)}")
-    return constants, varied
-
-
-def _as_toml(value: Any) -> str:
-    import tomli_w
-
-    return tomli_w.dumps({"value": value}).partition("=")[2].strip()
-
-
-def flattened(given: Table, outer: str = "") -> Iterator[tuple[str, Any]]:
-    """Dotted path and entry: a table that describes a parameter, or a value.
-
-    TOML makes tables of a dotted key without quotes; they are taken for the path that was meant.
-    """
-    for key, entry in given.items():
-        path = f"{outer}.{key}" if outer else key
-        if isinstance(entry, dict) and any(isinstance(inner, dict) for inner in entry.values()):
-            yield from flattened(entry, path)
-        else:
-            yield path, entry
-
-
-def _axes(file: SweepFile, believed: Table, faults: list[Fault]) -> Iterator[Axis]:
-    """What is varied, in the order of the file; faults are added to the list."""
-    groups: list[tuple[Keys, list[tuple[str, Any]]]] = []
-    for path, given in flattened(file.parameters):
-        groups.append((("parameters",), [(path, given)]))
-    for path, given in believed.items():
-        groups.append((("belief",), [(path, given)]))
-    for i, table in enumerate(file.together):
-        groups.append((("together", i), list(flattened(table))))
-    seen: set[str] = set()
-    for where, group in groups:
-        axis = {}
-        for path, given in group:
-            key = (*where, path.removeprefix("belief.") if where == ("belief",) else path)
-            found = _parameter(given) if path not in seen else [Fault(problem="varied twice")]
-            if path in OWN_KEYS:
-                hint = "seeds are given in `seeds`" if path.startswith("seed") else ""
-                found = [Fault(problem="cannot be varied", hint=hint)]
-            seen.add(path)
-            if isinstance(found, list):
-                faults += [fault.within(*key) for fault in found]
-            else:
-                axis[path] = found
-        if len(axis) == len(group) and axis:
-            yield Axis(axis)
-
-
-def _parameter(given: Any) -> Parameter | list[Fault]:
-    if isinstance(given, dict):
-        return parameter_of(given)
-    hint = f"a fixed value goes into overrides; to vary it give {{ values = [{given!r}, ...] }}"
-    return [Fault(got=repr(given), problem="says no values", hint=hint)]
-
-
 def _seeds(file: SweepFile) -> Iterable[int]:
     """Of the runs."""
     if isinstance(file.seeds, list):
@@ -288,13 +197,33 @@ def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
         yield from _axis_faults(file, axis)
 
 
+def _override_faults(
+    file: SweepFile, more: tuple[str, ...], axes: tuple[Axis, ...], constants: list[str]
+) -> Iterator[Fault]:
+    """What is set on every row and comes to nothing."""
+    believed = {_path(given): "this key is set in [belief]" for given in constants}
+    varied = {path: "this key is varied" for axis in axes for path in axis.parameters}
+    seed = {"seed": "the seeds are those in `seeds`"}
+    for where, overrides, taken in (
+        ("overrides", file.overrides, believed | varied | seed),
+        ("--set", more, varied | seed),
+    ):
+        for given in overrides:
+            if problem := taken.get(_path(given)):
+                yield Fault(key=(where,), got=given, problem=problem, hint="leave one of both out")
+
+
+def _path(override: str) -> str:
+    return override.partition("=")[0].strip()
+
+
 def _variant_faults(file: SweepFile, varied: set[str]) -> Iterator[Fault]:
     """What a variant sets and does not get."""
     alike: dict[tuple[str, ...], str] = {}
     for name, variant in file.variants.items():
         where = ("variants", name, "overrides")
         for given in variant.overrides:
-            path = given.partition("=")[0].strip()
+            path = _path(given)
             if path in OWN_KEYS:
                 hint = "all variants have the seeds in `seeds`" if path == "seed" else ""
                 yield Fault(key=where, got=given, problem="cannot be set by a variant", hint=hint)
@@ -324,8 +253,6 @@ def _sampling_faults(file: SweepFile) -> Iterator[Fault]:
 
 
 def _axis_faults(file: SweepFile, axis: Axis) -> Iterator[Fault]:
-    from ttwmr_mj.studies.sweep.plan.parameters import Range
-
     counts = {path: p.values and len(p.values) for path, p in axis.parameters.items()}
     if len(set(counts.values())) > 1:
         told = ", ".join(f"{path}: {count or 'a continuum'}" for path, count in counts.items())
@@ -341,5 +268,5 @@ def _axis_faults(file: SweepFile, axis: Axis) -> Iterator[Fault]:
             yield Fault(key=(*key, "count"), problem=problem)
         values: tuple[Value, ...] | None = parameter.values
         if values is not None and len(values) == 1:
-            hint = f'overrides = ["{path}={_as_toml(values[0])}"] sets it on every row'
+            hint = f'overrides = ["{path}={as_toml(values[0])}"] sets it on every row'
             yield Fault(key=key, got=repr(values[0]), problem="one value varies nothing", hint=hint)

@@ -8,6 +8,7 @@ finitely many values, else by the inverse of the distribution function.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Self
 
@@ -128,6 +129,11 @@ class Range(Parameter):
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
         _ordered(self.low, self.high, positive=self.spacing == "log")
+        if self.values is not None and (there := len(set(self.values))) < len(self.values):
+            raise ValueError(
+                f"`count` is {self.count}; between {self.low!r} and {self.high!r} there are not "
+                f"that many floating-point numbers ({there} were found)"
+            )
         return self
 
     @cached_property
@@ -203,24 +209,33 @@ class Normal(Parameter):
     def _is_a_range(self) -> Self:
         if self.low is not None and self.high is not None:
             _ordered(self.low, self.high)
-        lowest, highest = self._shares()
+        _, lowest, highest = self._shares()
         if not lowest < highest:
             raise ValueError("between `low` and `high` lies nothing of this distribution")
         return self
 
-    def _shares(self) -> tuple[float, float]:
+    def _shares(self) -> tuple[float, float, float]:
+        """1, and the shares below both ends; or, in the upper tail, −1, and those above them.
+
+        Shares near 1 have no digits left for a tail.
+        """
         from scipy.special import ndtr
 
-        low = 0.0 if self.low is None else float(ndtr((self.low - self.mean) / self.std))
-        high = 1.0 if self.high is None else float(ndtr((self.high - self.mean) / self.std))
-        return low, high
+        low = -math.inf if self.low is None else (self.low - self.mean) / self.std
+        high = math.inf if self.high is None else (self.high - self.mean) / self.std
+        if low > 0.0:
+            return -1.0, float(ndtr(-high)), float(ndtr(-low))
+        return 1.0, float(ndtr(low)), float(ndtr(high))
 
     def quantile(self, share: FloatArray) -> FloatArray:
         """Of what lies between `low` and `high`."""
         from scipy.special import ndtri
 
-        low, high = self._shares()
-        drawn = self.mean + self.std * ndtri(low + (high - low) * share)
+        sign, low, high = self._shares()
+        inside = low + (high - low) * (share if sign > 0.0 else 1.0 - share)
+        drawn = self.mean + sign * self.std * ndtri(
+            np.clip(inside, np.finfo(float).tiny, 1.0 - EPS)
+        )
         return np.asarray(np.clip(drawn, self.low, self.high))
 
 
@@ -257,7 +272,9 @@ class Choice(Parameter):
         """As given, their sum made 1."""
         if self.given_weights is None:
             return None
-        return np.array(self.given_weights) / sum(self.given_weights)
+        scale = max(self.given_weights) if math.isinf(sum(self.given_weights)) else 1.0
+        weights = [weight / scale for weight in self.given_weights]
+        return np.array(weights) / sum(weights)
 
 
 DISTRIBUTIONS: dict[str, type[Parameter]] = {
@@ -296,23 +313,21 @@ def _kind_of(given: dict[str, Any]) -> type[Parameter] | Fault:
 
 
 def _mixed(values: tuple[Value, ...] | None) -> Fault | None:
-    """A column of the table of results has one type; and nothing is computed twice."""
+    """A column of the table of results has one type."""
     if values is None:
         return None
     types = {str if isinstance(v, str) else bool if isinstance(v, bool) else float for v in values}
     if len(types) > 1:
         return Fault(
             key=("values",),
-            got=_short(values),
+            got=short(values),
             allowed="values of one type: numbers, texts, or true and false",
         )
-    if len(set(values)) < len(values):
-        hint = "leave out what is repeated; for repetitions give more seeds"
-        return Fault(key=("values",), got=_short(values), problem="a value twice", hint=hint)
     return None
 
 
-def _short(values: tuple[Value, ...]) -> str:
+def short(values: Sequence[object]) -> str:
+    """A list in a line."""
     text = ", ".join(map(repr, values))
     return f"[{text}]" if len(text) < 60 else f"[{text[:56]}...]"
 

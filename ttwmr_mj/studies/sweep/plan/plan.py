@@ -22,7 +22,8 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario, put_value, set_value
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.sweep.plan import sampling
-from ttwmr_mj.studies.sweep.plan.file import Axis, Sampling, Table
+from ttwmr_mj.studies.sweep.plan.axes import Axis, Table
+from ttwmr_mj.studies.sweep.plan.file import Sampling
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
