@@ -54,8 +54,12 @@ def test_parameters_take_keys_without_quotes(text: str, tmp_path: Path) -> None:
     [
         (f'overrides = ["{MASS}=0.5"]\n{VARIED}', [], f"overrides: got {MASS}=0.5; this key is va"),
         (VARIED, ["--set", f"{MASS} = 0.5"], f"--set: got {MASS} = 0.5; this key is varied"),
-        (f"overrides = ['seed=4']\n{VARIED}", [], "overrides: got seed=4; the seeds are those in"),
-        (VARIED, ["--set", "seed=4"], "--set: got seed=4; the seeds are those in `seeds`"),
+        (
+            f"overrides = ['seed=4']\n{VARIED}",
+            [],
+            "overrides: got seed=4; cannot be set; seeds are",
+        ),
+        (VARIED, ["--set", "seed=4"], "--set: got seed=4; cannot be set; seeds are given in"),
         (
             f'overrides = ["belief.{MASS}=0.5"]\n{VARIED}{BELIEF["quoted"]}',
             [],

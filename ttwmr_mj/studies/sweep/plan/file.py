@@ -201,16 +201,21 @@ def _override_faults(
     file: SweepFile, more: tuple[str, ...], axes: tuple[Axis, ...], constants: list[str]
 ) -> Iterator[Fault]:
     """What is set on every row and comes to nothing."""
-    believed = {_path(given): "this key is set in [belief]" for given in constants}
-    varied = {path: "this key is varied" for axis in axes for path in axis.parameters}
-    seed = {"seed": "the seeds are those in `seeds`"}
+    believed = {_path(given): ("this key is set in [belief]", "set it once") for given in constants}
+    varied = {
+        path: ("this key is varied", "vary it, or set it")
+        for axis in axes
+        for path in axis.parameters
+    }
+    seed = {"seed": ("cannot be set", "seeds are given in `seeds`")}
     for where, overrides, taken in (
         ("overrides", file.overrides, believed | varied | seed),
         ("--set", more, varied | seed),
     ):
         for given in overrides:
-            if problem := taken.get(_path(given)):
-                yield Fault(key=(where,), got=given, problem=problem, hint="leave one of both out")
+            if _path(given) in taken:
+                problem, hint = taken[_path(given)]
+                yield Fault(key=(where,), got=given, problem=problem, hint=hint)
 
 
 def _path(override: str) -> str:
