@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import shlex
 import shutil
 import signal
@@ -139,6 +140,20 @@ def test_rescoring_simulates_nothing_and_finished_rows_are_reused(finished: Path
         assert done.returncode == 0, done.stderr
         assert (finished / "out" / "leaderboard.md").read_text() == first
     assert {path: path.stat().st_mtime_ns for path in before} == before
+
+
+@pytest.mark.slow
+def test_rescoring_finds_the_runs_from_any_folder(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished / "out", tmp_path / "out")
+    there = os.path.relpath(finished / "suite.toml", tmp_path)
+    for suite, out in ((there, "out"), (str(finished / "suite.toml"), str(tmp_path / "out"))):
+        done = bench(suite, "--out", out, "--rescore", cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "7 of 7 rows run" in (tmp_path / "out" / "leaderboard.md").read_text()
+    one_more = (finished / "suite.toml").read_text().replace("duration_s=2.0", "duration_s=2.1")
+    (finished / "longer.toml").write_text(one_more)  # other runs, beside the same scenario
+    done = bench(str(finished / "longer.toml"), "--out", "out", "--rescore", cwd=tmp_path)
+    assert (done.returncode, "no finished runs" in done.stderr) == (2, True)
 
 
 @pytest.mark.slow

@@ -171,6 +171,15 @@ def test_blocks_pick_from_the_axes(tmp_path: Path) -> None:
     ]
 
 
+def test_a_name_on_two_axes_means_the_choice_of_the_other(tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text(
+        'name = "a"\n[controller.x]\n[controller.turn]\nskip = ["turn"]\n'
+        '[task.turn]\nscenario = "lab_circle"\n[task.y]\nscenario = "lab_circle"\n'
+    )
+    keys = [row.key for row in rows_of(load_suite(str(tmp_path / "suite.toml")))]
+    assert keys == [f"{pair}-contact-truth-none-0" for pair in ("x-turn", "x-y", "turn-y")]
+
+
 def test_a_tasks_scenario_is_looked_for_beside_the_suite_first(tmp_path: Path) -> None:
     (tmp_path / "suite.toml").write_text(
         'name = "a"\n[controller.x]\n[task.s]\nscenario = "mine.toml"\n'
@@ -226,6 +235,11 @@ def test_as_many_rows_as_asked_and_no_folder_of_a_suite_that_cannot_run(
             'name = "a"\n[controller.x]\nwhen.z = []\nnot_meant_for = ["zz"]\n'
             '[task.y]\nscenario = "lab_circle"\n',
             "2 errors\n  controller.x.when: got 'z'.*\n  controller.x.not_meant_for: got 'zz'",
+        ),
+        (
+            'name = "a"\n[controller.x]\nskip = ["z"]\nwhen.x = []\n[controller.z]\n'
+            '[task.y]\nscenario = "lab_circle"\n',  # names of its own axis
+            "2 errors\n  controller.x.when: got 'x'; .*\n  controller.x.skip: got 'z'; allowed: y",
         ),
         ('name = "a"\n[controller.x]\nscored = "half"\n', "scored: got 'half'; allowed: 'steady'"),
         (

@@ -12,6 +12,7 @@ import pytest
 from drawn import drawn
 
 from ttwmr_mj.results.accept import VerdictName
+from ttwmr_mj.results.verdict import SUCCESSES, VERDICTS
 from ttwmr_mj.studies.bench.figures import write_charts
 from ttwmr_mj.studies.bench.leaderboard import (
     HEAD,
@@ -183,6 +184,7 @@ def test_the_summary_tells_the_first_failure_of_laws_made_for_the_task() -> None
     assert "· b" not in page
     assert "contact · truth · a, 2 of 3: seed 1" in to_html(ours, "mine")
     assert all(rule in page for rule in RULES)
+    assert all(f"“{VERDICTS[name][0]}”" in RULES[1] for name in SUCCESSES)
     assert "Not followed" not in to_summary(board(line("a", [1.0])), "mine")
 
 

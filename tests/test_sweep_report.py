@@ -330,6 +330,7 @@ def test_a_run_that_all_seeds_repeat_is_counted_once(tmp_path: Path) -> None:
     write_report(tmp_path)
     page = (tmp_path / "report.html").read_text()
     assert "and 6 repeats are left out" in page
+    assert "if its verdict is neither “followed” nor “no reference”" in page
     assert "× 1 variant × 1 seed" in page
     assert "somewhat too narrow" not in page
     first["tractor_rmse_m"][8] += 1e-9

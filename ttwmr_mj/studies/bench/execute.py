@@ -1,6 +1,7 @@
 """Runs the rows of a suite that are not there yet, several at a time."""
 
 import os
+import shlex
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
@@ -37,7 +38,7 @@ def row_folder(row: SuiteRow, folder: Path) -> Path:
 
 
 def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
-    """The row.json of a finished run of this row, by the very same command; None if there is none.
+    """The row.json of a finished run of this row, by the same command; None if there is none.
 
     Whether the code and the files are still those of that run, only `run_suite` asks.
 
@@ -45,7 +46,15 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
         ValueError: it is damaged.
     """
     stored = _read_row(row, folder)
-    return stored if stored and stored["run"] == row.command() else None
+    if stored is None or _wording(stored["run"]) != _wording(row.command()):
+        return None
+    return stored
+
+
+def _wording(command: str) -> list[str]:
+    """Words of a row's command; of the scenario, named from any folder, the file's name alone."""
+    ttwmr, run, scenario, *sets = shlex.split(command)
+    return [ttwmr, run, Path(scenario).name, *sets]
 
 
 def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:

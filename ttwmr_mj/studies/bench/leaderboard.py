@@ -26,7 +26,8 @@ RULES = (
     "“Error” is the rms distance of the trailer's centre of oscillation from its reference, or of "
     "P where the reference says nothing of the trailer; “trailer” is the trailer's centre of mass. "
     "They cover the second half of a run; where the condition says “whole run”, all of it.",
-    "A run has failed if its verdict (docs/reference/verdict.md) is not “followed”. A run that "
+    "A run has failed if its verdict (docs/reference/verdict.md) is neither “followed” nor “no "
+    "reference”; the latter, with nothing to follow, counts among those that followed. A run that "
     "broke off has no error and counts as worse than any; one that came to its end counts with "
     "the error it had.",
     f"Of several seeds: the median with its {LEVEL:.0%} interval between two order statistics "

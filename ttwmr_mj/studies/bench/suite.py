@@ -213,11 +213,11 @@ def _faults(suite: Suite) -> list[Fault]:
         if task.scenario is None
     ]
     names = {axis: list(getattr(suite, axis)) for axis in AXES}
-    every = [name for axis in AXES for name in names[axis]]
     for axis in AXES:
+        others = [name for other in AXES if other != axis for name in names[other]]
         for name, choice in getattr(suite, axis).items():
             for key in ("when", "skip", "not_meant_for"):
-                faults += _unknown((axis, name, key), getattr(choice, key), every)
+                faults += _unknown((axis, name, key), getattr(choice, key), others)
             changes = [*choice.overrides, *itertools.chain(*choice.when.values())]
             faults += [
                 Fault(key=(axis, name, "overrides"), got=repr(change), hint="a suite has `seeds`")
@@ -269,12 +269,16 @@ def _rows_of_block(suite: Suite, block: Block) -> Iterator[SuiteRow]:
     picked = [getattr(block, axis) or list(getattr(suite, axis)) for axis in AXES]
     for names in itertools.product(*picked):
         choices: list[Choice] = [axis[name] for axis, name in zip(axes, names, strict=True)]
-        if any(name in choice.skip for choice in choices for name in names):
+        others = [(*names[:i], *names[i + 1 :]) for i in range(len(names))]
+        pairs = [(one, name) for one, rest in zip(choices, others, strict=True) for name in rest]
+        if any(name in choice.skip for choice, name in pairs):
             continue
         scenario = choices[AXES.index("task")].scenario or ""
-        overrides = tuple(item for choice in choices for item in _overrides(choice, names))
+        overrides = tuple(
+            item for pair in zip(choices, others, strict=True) for item in _overrides(*pair)
+        )
         scored: Scored = "whole" if any(c.scored == "whole" for c in choices) else "steady"
-        meant = not any(name in choice.not_meant_for for choice in choices for name in names)
+        meant = not any(name in choice.not_meant_for for choice, name in pairs)
         for seed in block.seeds or suite.seeds:
             named = dict(zip(AXES, names, strict=True))
             yield SuiteRow(named, seed, scenario, overrides, scored, meant)
