@@ -85,3 +85,16 @@ def test_a_law_that_ends_its_process_is_a_failure_of_its_run(folder: Path) -> No
     sweep({"leaves": """'controller={kind="custom", target="mine:Leaves"}'""", "sound": SOUND})
     assert main(["sweep", "laws.toml", "--out", "out", "--quiet"]) == 0
     assert "the process ended with exit code 3" in (folder / "out" / "failed.csv").read_text()
+
+
+@pytest.mark.slow
+def test_how_long_a_sweep_takes_is_found_out_in_a_process_that_is_watched(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sweep({"leaves": """'controller={kind="custom", target="mine:Leaves"}'""", "sound": SOUND})
+    assert main(["sweep", "laws.toml", "--dry-run"]) == 0  # and this process is still there
+    assert "time: unknown" in capsys.readouterr().out
+    sweep({"sound": SOUND})
+    assert main(["sweep", "laws.toml", "--dry-run"]) == 0
+    assert "time: about" in capsys.readouterr().out
+    assert not (folder / "results").exists()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Iterator
+from contextlib import closing
 from time import perf_counter
 
 import numpy as np
@@ -12,7 +13,10 @@ from ttwmr_mj.errors import TtwmrError
 from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.foresight import foreseen
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.pool.jobs import Done, Job, run_jobs
+from ttwmr_mj.studies.pool.task import PRELOAD
 from ttwmr_mj.studies.sweep.plan.axes import Axis
+from ttwmr_mj.studies.sweep.plan.build import kinds_of_rows
 from ttwmr_mj.studies.sweep.plan.parameters import Value
 from ttwmr_mj.studies.sweep.plan.plan import Plan, Row
 
@@ -125,6 +129,19 @@ def _random(scenario: Scenario) -> bool:
 
 
 def estimated_time_s(plan: Plan, workers: int) -> float | None:
+    """Wall time of all rows in that many processes; None if it is not known.
+
+    Laws of others are run in a process that is watched.
+    """
+    if not any(plan.scenario_of(row).controller.alone for row in kinds_of_rows(plan)):
+        return time_of_rows_s(plan, workers)
+    job = Job("time", time_of_rows_s, (plan, workers), PROBED * plan.timeout_s)
+    with closing(run_jobs([job], preload=PRELOAD)) as events:
+        event = next(events)
+    return event.result if isinstance(event, Done) else None
+
+
+def time_of_rows_s(plan: Plan, workers: int) -> float | None:
     """Wall time of all rows in that many processes, from a few that are run for a moment.
 
     A batch shares its work, which the few make use of only in part: the time is at most this, if
