@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import os
+from contextlib import suppress
 from pathlib import Path
 
+import cv2
 import pytest
 
 import ttwmr_mj as tt
@@ -66,3 +69,18 @@ def test_a_camera_that_cannot_be_calibrated_is_told_what_is_unusual(
         tt.simulate(tt.load_scenario(file, values))
     assert str(error.value).startswith(f"sensing.camera: {told} before a run")
     assert "ChArUco" not in str(error.value)
+
+
+@pytest.mark.parametrize("values", [[], ["sensing.camera.lens.k1=-1.0"]])
+def test_a_camera_leaves_the_process_as_it_was(values: list[str]) -> None:
+    threads = cv2.getNumThreads()
+    try:
+        cv2.setNumThreads(2)
+        before = dict(os.environ)
+        with suppress(tt.InputError):
+            tt.simulate(tt.load_scenario("lab_circle_camera", ["duration_s=0.2", *values]))
+        after = {key: value for key, value in os.environ.items() if before.get(key) != value}
+        assert not after.keys() - {"PYOPENGL_PLATFORM"}  # which PyOpenGL needs to the end
+        assert cv2.getNumThreads() == 2
+    finally:
+        cv2.setNumThreads(threads)

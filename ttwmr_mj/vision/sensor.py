@@ -7,7 +7,6 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import cv2
 import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
@@ -17,6 +16,7 @@ from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
+from ttwmr_mj.vision import threads
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
@@ -117,9 +117,13 @@ class CameraSensor(Sensor):
         """One camera per simulation, made in their thread."""
         # camera and loop keep two cores busy; parting a strip of a picture among more threads
         # costs more time than it saves
-        cv2.setNumThreads(1)
+        threads.keep_to_one()
         made = [self._worker.submit(make, rng) for rng in rngs]
-        return [camera.result() for camera in made]
+        try:
+            return [camera.result() for camera in made]
+        except BaseException:
+            threads.give_back()
+            raise
 
     def observe(self, truth: RobotState) -> Estimate:
         """Take this period's frames, track in those that have arrived, and answer for now.
@@ -182,10 +186,11 @@ class CameraSensor(Sensor):
         return records
 
     def close(self) -> None:
-        """Give back what OpenGL holds."""
+        """Give back what OpenGL holds, and OpenCV's threads."""
         for camera in self.cameras:
             self._worker.submit(camera.close)
         self._worker.shutdown()
+        threads.give_back()
 
     def _start(self, truth: RobotState) -> None:
         """Who puts the robot down knows roughly where, and how fast its wheels turn."""

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.files import variable
 from ttwmr_mj.plants.engine import mujoco
 from ttwmr_mj.plants.joints import HEIGHT, Joints
 from ttwmr_mj.plants.mjcf import build_model
@@ -53,7 +54,6 @@ class Stage:
             footage: what is shown.
             largest_px: width and height of the largest picture.
         """
-        os.environ.setdefault("LP_NUM_THREADS", str(os.cpu_count() or 1))  # large pictures
         self._model = model = _model(footage.scenario, largest_px)
         self._bodies = list(chassis(model).values())
         self._footage = footage
@@ -64,7 +64,9 @@ class Stage:
         self._relief = Relief(model)
         if not self._relief.flat:
             self._qpos[:, joints.free_qpos + HEIGHT] += self._relief.at(footage.q[:, :2])
-        self._gl = make_context()
+        many = os.environ.get("LP_NUM_THREADS", str(os.cpu_count() or 1))  # large pictures
+        with variable("LP_NUM_THREADS", many):
+            self._gl = make_context()
         self._buffers = mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_100)
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._buffers)
         self._scene = mujoco.MjvScene(model, maxgeom=MAX_GEOMS)

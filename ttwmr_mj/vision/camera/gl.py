@@ -12,11 +12,14 @@ import os
 import subprocess
 import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
 from ttwmr_mj.errors import MachineError
+from ttwmr_mj.files import variable
 
 BACKENDS = ("egl", "osmesa", "glfw")
 ANY = ("", "enable", "enabled", "on", "true", "1", "glx", "wgl", "cgl")  # of MUJOCO_GL
@@ -84,21 +87,25 @@ def _egl_starts() -> bool:
     query(MOST_DEVICES, ctypes.addressof(devices), ctypes.addressof(count))
     egl.eglInitialize.argtypes = [pointer] * 3
     displays = (display_of(EGL_PLATFORM_DEVICE, device, None) for device in devices[: count.value])
-    _tell_mesa()
     return any(display and egl.eglInitialize(display, None, None) for display in displays)
 
 
-def _tell_mesa() -> None:
-    """Tell Mesa, before it starts, unless somebody did; drivers of graphics cards do not look.
+@contextmanager
+def _mesa_told() -> Iterator[None]:
+    """Tell Mesa, while it starts, unless somebody did; drivers of graphics cards do not look.
 
     Handing a small picture to threads of its own takes longer than drawing it. And shaders are kept
     in a file that is mapped into memory, by which a full disk would end the process with SIGBUS.
     """
-    os.environ.setdefault("LP_NUM_THREADS", "0")
-    os.environ.setdefault("MESA_SHADER_CACHE_DISABLE", "true")
+    wanted = {"LP_NUM_THREADS": "0", "MESA_SHADER_CACHE_DISABLE": "true"}
+    with ExitStack() as told:
+        for name, value in wanted.items():
+            told.enter_context(variable(name, os.environ.get(name, value)))
+        yield
 
 
 @cache
+@_mesa_told()
 def chosen_backend() -> str:
     """The backend of this process: MUJOCO_GL where it names one, else the first that works.
 
@@ -135,9 +142,8 @@ def make_context() -> Any:
         MachineError: no backend works, or the chosen one fails.
     """
     backend = chosen_backend()
-    _tell_mesa()
     try:
-        with warnings.catch_warnings(record=True) as warned:
+        with _mesa_told(), warnings.catch_warnings(record=True) as warned:
             warnings.simplefilter("always")
             context = importlib.import_module(f"mujoco.{backend}").GLContext(16, 16)
             context.make_current()
