@@ -7,9 +7,11 @@ from contextlib import suppress
 from pathlib import Path
 
 import cv2
+import numpy as np
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.vision.camera.overlays import fill
 
 CAMERA = """name = "camera"
 duration_s = 0.2
@@ -84,3 +86,14 @@ def test_a_camera_leaves_the_process_as_it_was(values: list[str]) -> None:
         assert cv2.getNumThreads() == 2
     finally:
         cv2.setNumThreads(threads)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize("far_px", [1e8, 1e300, np.nan])
+def test_what_is_beyond_all_lenses_is_not_drawn(far_px: float) -> None:
+    image = np.zeros((8, 8, 3), dtype=np.uint8)
+    outline = np.array([[-4.0, -4.0], [12.0, -4.0], [12.0, 12.0], [-4.0, 12.0]])
+    fill(image, np.where(outline > 0.0, far_px, outline), [255.0] * 3)
+    assert not image.any()
+    fill(image, outline, [255.0] * 3)
+    assert image.all()

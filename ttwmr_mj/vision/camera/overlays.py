@@ -14,6 +14,7 @@ from ttwmr_mj.vision.camera.options import Glare, Occluder
 
 CORNERS = 48  # of the polygon that stands for a circle
 SUBPIXEL_BITS = 4  # outlines are drawn to a sixteenth of a pixel
+FARTHEST_PX = (1 << 30) >> SUBPIXEL_BITS  # OpenCV's corners have 32 bits
 _ANGLE = np.linspace(0.0, 2.0 * np.pi, CORNERS, endpoint=False)
 CIRCLE: FloatArray = np.stack([np.cos(_ANGLE), np.sin(_ANGLE)], axis=-1)
 
@@ -29,7 +30,9 @@ def circle_points(centre_m: FloatArray, diameter_m: float, height_m: float) -> F
 def fill(
     image: Image, outline_px: FloatArray, value: Sequence[float], *, smooth: bool = True
 ) -> None:
-    """Fill a convex outline (n, 2) into an image."""
+    """Fill a convex outline (n, 2) into an image; one that reaches beyond all lenses is nowhere."""
+    if not np.abs(outline_px).max() < FARTHEST_PX:
+        return
     corners = np.rint(outline_px * (1 << SUBPIXEL_BITS)).astype(np.int32)
     line = cv2.LINE_AA if smooth else cv2.LINE_8
     cv2.fillConvexPoly(image, corners, value, line, SUBPIXEL_BITS)
