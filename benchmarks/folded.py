@@ -17,8 +17,8 @@ import numpy as np
 from trains import CASES, scenario_of
 
 import ttwmr_mj as tt
-from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.joints import Joints
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.state import FloatArray

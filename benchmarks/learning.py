@@ -15,7 +15,7 @@ import argparse
 import json
 from typing import get_args
 
-from ttwmr_mj.controllers.shared.learning import Learnable
+from ttwmr_mj.controllers.shared.estimation.learning import Learnable
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.experiment import Result

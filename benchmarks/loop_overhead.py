@@ -21,7 +21,7 @@ from time import perf_counter
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario

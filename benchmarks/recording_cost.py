@@ -21,8 +21,8 @@ from contextlib import ExitStack
 from pathlib import Path
 from time import perf_counter, process_time
 
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.viewer import web_viewer
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.viewer import web_viewer
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario

@@ -27,19 +27,19 @@ import numpy as np
 import trains
 from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
 
-from ttwmr_mj.controllers.shared.gauss_newton import DISTURBANCE_TIME_S
-from ttwmr_mj.controllers.shared.steady_kalman import (
+from ttwmr_mj.controllers.shared.estimation.steady_kalman import (
     MODEL_ANGLE_STD_RAD,
     MODEL_POSITION_STD_M,
     ObserverOptions,
     chain_gains,
     process_std,
 )
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingWeights
-from ttwmr_mj.controllers.shared.train_problem import TrainProblem
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import DISTURBANCE_TIME_S
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import TrackingWeights
+from ttwmr_mj.controllers.shared.optimal.train_problem import TrainProblem
 from ttwmr_mj.dynamics.circling import circling
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
-from ttwmr_mj.dynamics.sampled_train import SampledTrain
+from ttwmr_mj.dynamics.sampled.train import SampledTrain
 from ttwmr_mj.figures.canvas import canvas, save
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray

@@ -26,7 +26,7 @@ from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.dynamics.kinematics import q_rate, to_body, workspace_rate
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.actuation import Actuation
+from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState

@@ -25,12 +25,12 @@ import numpy as np
 from vision_markers import DICTIONARY, aruco_pose, marker_model
 from vision_poses import REACH_M, ROBOT, Drawn, moving, random_layout, train_of
 
-from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.state import FloatArray, wrap
 from ttwmr_mj.vision.calibration.calibrate import calibrate_virtual
-from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
+from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.tracking import constellation
 from ttwmr_mj.vision.tracking.detection import Detector

@@ -18,7 +18,7 @@ from mujoco import batch
 
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.joints import Joints
+from ttwmr_mj.plants.model.joints import Joints
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import FloatArray, RobotState

@@ -31,7 +31,7 @@ from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.batch import batch_key, run_batch
 from ttwmr_mj.runs.experiment import Result
-from ttwmr_mj.runs.judged import judged
+from ttwmr_mj.runs.judgement.judged import judged
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import wrap

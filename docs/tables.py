@@ -23,7 +23,7 @@ from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.results.metrics import METRICS, QUANTITIES
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
-from ttwmr_mj.scenario import worlds
+from ttwmr_mj.scenario.tables import worlds
 
 PAGES = sorted(Path(__file__).parent.rglob("*.md"))
 PLACE = re.compile(r"(<!-- table: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)

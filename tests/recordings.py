@@ -13,9 +13,9 @@ import numpy as np
 import pyarrow as pa
 
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.names import CONTACTS
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.names import CONTACTS
 from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.shared.path import ReferencePath

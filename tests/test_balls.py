@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, LEVEL, Ground
-from ttwmr_mj.dynamics.influence import DRAG, influence_of
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, LEVEL, Ground
+from ttwmr_mj.dynamics.floor.influence import DRAG, influence_of
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.extended import ExtendedPlant
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters
 from ttwmr_mj.state import RobotState
 

@@ -12,8 +12,8 @@ from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.controllers.lyapunov import Lyapunov
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs import loop
 from ttwmr_mj.runs.batch import batch_key, run_batch
+from ttwmr_mj.runs.closed_loop import loop
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.metrics import metrics_of

@@ -13,7 +13,7 @@ import pytest
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
@@ -22,7 +22,7 @@ from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.faults import fault_of
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
-from ttwmr_mj.vision.camera import drawn as camera_scene
+from ttwmr_mj.vision.camera.rendering import drawn as camera_scene
 
 LONGER = "belief.robot.trailer.com_offset_m=0.16"
 

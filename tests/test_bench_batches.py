@@ -16,7 +16,7 @@ import pytest
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import read_json
 from ttwmr_mj.runs.execute import run_scenario
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders, shareable
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario

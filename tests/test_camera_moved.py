@@ -15,7 +15,7 @@ from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.results.frame import PlaneFrame, rotated
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.judged import camera_frame, frame_metrics, judged
+from ttwmr_mj.runs.judgement.judged import camera_frame, frame_metrics, judged
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions, Exposure

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.flatness import dot, point_behind, trailer_axes, velocity_behind
-from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.shared.carried import carried

@@ -127,7 +127,7 @@ def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     package = tmp_path / "bin"
     found = SimpleNamespace(origin=str(package / "__init__.py"))
     monkeypatch.setattr("importlib.util.find_spec", lambda _: found)
-    monkeypatch.setattr("ttwmr_mj.recording.viewer.display", lambda: ":0")
+    monkeypatch.setattr("ttwmr_mj.recording.stream.viewer.display", lambda: ":0")
     monkeypatch.chdir(tmp_path)
     for k, name in enumerate(("results/old/b.rrd", "results/new/c.rrd", "results/new/a.rrd")):
         Path(name).parent.mkdir(parents=True, exist_ok=True)

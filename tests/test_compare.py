@@ -11,13 +11,13 @@ import pytest
 from comparisons import TURN, open_loop, run_commands
 from test_hybrid import swing_energy
 
-from ttwmr_mj.dynamics.extended import ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedParameters
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.measures.deviation import Deviation
+from ttwmr_mj.studies.compare.measures.residuals import Residuals
 from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact, run_contact
 from ttwmr_mj.studies.compare.pair import refuse_unlike, run_pair
-from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.variants import changed
 
 

@@ -15,15 +15,15 @@ from comparisons import open_loop, run_commands
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.compare import attribution
-from ttwmr_mj.studies.compare.attribution import (
+from ttwmr_mj.studies.compare.explain import attribution
+from ttwmr_mj.studies.compare.explain.attribution import (
     Attribution,
     Contribution,
     attribute,
     over_time,
     table,
 )
-from ttwmr_mj.studies.compare.effects import EFFECTS, with_effects
+from ttwmr_mj.studies.compare.explain.effects import EFFECTS, with_effects
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.studies.compare.attribution import Contribution
+from ttwmr_mj.studies.compare.explain.attribution import Contribution
 from ttwmr_mj.studies.compare.figures import write_compare_figures
 from ttwmr_mj.studies.compare.fit.fit import Gain
 from ttwmr_mj.studies.compare.study import Pair, run_pair

@@ -13,7 +13,7 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare import study
-from ttwmr_mj.studies.compare.gate import breaches, read_tolerances
+from ttwmr_mj.studies.compare.measures.gate import breaches, read_tolerances
 from ttwmr_mj.studies.compare.pair import known_numbers, run_pair
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
 from ttwmr_mj.studies.compare.text import fixed, markdown, plain

@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 from comparisons import TURN, open_loop, run_commands
 
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.studies.compare.attribution import attribute
-from ttwmr_mj.studies.compare.convergence import LEVELS, converge, refined
-from ttwmr_mj.studies.compare.deviation import Deviation, rms
+from ttwmr_mj.studies.compare.explain.attribution import attribute
+from ttwmr_mj.studies.compare.explain.convergence import LEVELS, converge, refined
 from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, MAX_STEP_S, SCALE, SCALES, Shooting
+from ttwmr_mj.studies.compare.measures.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
@@ -160,7 +160,7 @@ def test_dry_friction_locks_the_extended_hitch() -> None:
 
 
 def test_extended_plant_refuses_pushes() -> None:
-    from ttwmr_mj.dynamics.extended import ExtendedModel
+    from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
     from ttwmr_mj.errors import InputError
 
     robot = open_loop(*BRISK).robot

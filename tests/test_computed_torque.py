@@ -13,9 +13,9 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.studies.compare.measures.residuals import Residuals
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import run_pair
-from ttwmr_mj.studies.compare.residuals import Residuals
 from ttwmr_mj.studies.compare.study import Options, compare_scenario
 
 COMPUTED = "control.inner_loop=computed_torque"

@@ -8,8 +8,8 @@ import pytest
 
 from ttwmr_mj.dynamics.servo import ramp
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.contact_readings import read_contacts
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor
 from ttwmr_mj.state import RobotState
 

@@ -11,9 +11,9 @@ import cv2
 import pytest
 
 from ttwmr_mj.cli.main import parse
-from ttwmr_mj.recording import live, viewer
+from ttwmr_mj.recording.stream import live, viewer
 from ttwmr_mj.recording.video.film import FPS, SIZE_PX
-from ttwmr_mj.runs.pace import BEHIND_S
+from ttwmr_mj.runs.closed_loop.pace import BEHIND_S
 
 PAGE = Path(__file__).resolve().parent.parent / "docs" / "howto" / "live.md"
 TEXT = PAGE.read_text(encoding="utf-8")

@@ -17,7 +17,7 @@ import pytest
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.hands import EVENT, FULL, STEP, Hands
+from ttwmr_mj.runs.by_hand.hands import EVENT, FULL, STEP, Hands
 from ttwmr_mj.scenario.file import load_scenario
 
 UP, DOWN, RIGHT, LEFT = (f"\x1b[{letter}" for letter in "ABCD")

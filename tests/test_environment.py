@@ -12,8 +12,8 @@ import pytest
 
 import ttwmr_mj
 from ttwmr_mj.files import variable
-from ttwmr_mj.runs import machine
-from ttwmr_mj.vision.camera import gl
+from ttwmr_mj.runs.process import machine
+from ttwmr_mj.vision.camera.rendering import gl
 
 TTWMR = [sys.executable, "-m", "ttwmr_mj"]
 SHORT = ["--set=duration_s=0.1", "--out=out"]
@@ -182,7 +182,8 @@ def test_mujoco_has_one_door() -> None:
         for line in path.read_text().splitlines()
         if line.strip().startswith(("import mujoco", "from mujoco"))
     }
-    assert doors == {"plants/engine.py", "vision/camera/gl.py"}  # that one in another process
+    # the second in another process
+    assert doors == {"plants/model/engine.py", "vision/camera/rendering/gl.py"}
 
 
 def test_a_variable_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,8 @@ import pytest
 from ttwmr_mj.api import simulate
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.robot import Hitch, RobotParameters
@@ -205,8 +205,10 @@ def test_steps_beyond_the_stability_limit_are_rejected(stiffness: float, damping
     assert abs(plant.state().q[0, 3]) <= 0.51  # never beyond its start
 
 
-@pytest.mark.parametrize("name", ["open_loop_turn", "two_trailers_turn"])
-@pytest.mark.parametrize("lever_m", [1e-4, 1e-2])
+@pytest.mark.parametrize(
+    ("name", "lever_m"),
+    [("open_loop_turn", 1e-4), ("open_loop_turn", 1e-2), ("two_trailers_turn", 1e-4)],
+)
 def test_balls_that_resist_bring_the_trailers_to_rest(name: str, lever_m: float) -> None:
     """With steps of 33 ms a ball nearly at rest would be thrown to and fro for ever."""
     extended = f"{{wheel_radius_m=0.026, track_width_m=0.119, rolling_resistance_m={lever_m}}}"

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.flatness import FlatnessOptions
-from ttwmr_mj.controllers.shared.observer import Observer
-from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, kalman_gain
+from ttwmr_mj.controllers.shared.estimation.observer import Observer
+from ttwmr_mj.controllers.shared.estimation.steady_kalman import ObserverOptions, kalman_gain
 from ttwmr_mj.dynamics.flatness import centre_derivatives, motion_from_flat
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle

@@ -7,10 +7,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from ttwmr_mj.controllers.shared import gauss_newton
-from ttwmr_mj.controllers.shared.gauss_newton import fit, improved, lqr
-from ttwmr_mj.controllers.shared.tracking_problem import Target, TrackingProblem, TrackingWeights
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.controllers.shared.optimal import gauss_newton
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import fit, improved, lqr
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import (
+    Target,
+    TrackingProblem,
+    TrackingWeights,
+)
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.robot import RobotParameters, Servo
 

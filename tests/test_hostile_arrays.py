@@ -15,9 +15,9 @@ from test_hostile_laws import LAW, made
 from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import read_toml
-from ttwmr_mj.runs.answers import LARGEST, MOST_SIGNALS
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
+from ttwmr_mj.runs.law.answers import LARGEST, MOST_SIGNALS
 from ttwmr_mj.scenario.file import check_scenario, load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate

@@ -18,8 +18,8 @@ from test_hostile_files import survives
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.references.planned import Knots, Planned
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory

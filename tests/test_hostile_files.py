@@ -21,11 +21,11 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.files import MOST_LEVELS, parse_toml, read_toml
 from ttwmr_mj.planning.points import read_points
-from ttwmr_mj.recording.floor import floor_shapes
-from ttwmr_mj.runs.foresight import foretold
+from ttwmr_mj.recording.scene.floor import floor_shapes
+from ttwmr_mj.runs.judgement.foresight import foretold
 from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario, read_scenario
 from ttwmr_mj.studies.bench.suite import load_suite, shipped_suites
-from ttwmr_mj.studies.compare.gate import read_tolerances
+from ttwmr_mj.studies.compare.measures.gate import read_tolerances
 from ttwmr_mj.studies.sweep.plan.file import load_sweep, shipped_sweeps
 
 LONGEST_S = 5.0  # of processor time: no answer takes that long

@@ -3,7 +3,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from ttwmr_mj.dynamics import flatness, hitch, hybrid, kinematics, kinetics
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState

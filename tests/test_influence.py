@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics import kinematics
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, Ground
-from ttwmr_mj.dynamics.influence import DRAG, DRY, GRAVITY, VISCOUS, held_back, influence_of
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, Ground
+from ttwmr_mj.dynamics.floor.influence import DRAG, DRY, GRAVITY, VISCOUS, held_back, influence_of
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState

@@ -5,9 +5,9 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import HEIGHT, Joints, W, Y
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.joints import HEIGHT, Joints, W, Y
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.robot import RobotParameters
 
 MODEL = build_model(RobotParameters(), ContactOptions())

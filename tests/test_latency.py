@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.latency import CANDIDATES, LatencyFinder
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.state import FloatArray
 

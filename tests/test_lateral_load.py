@@ -8,16 +8,16 @@ import pytest
 from pydantic import ValidationError
 
 from ttwmr_mj.dynamics import hybrid, kinematics, kinetics
-from ttwmr_mj.dynamics.balls import ball_loads
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
 from ttwmr_mj.dynamics.flatness import centre_derivatives, motion_from_flat
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, Ground
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.floor.balls import ball_loads
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, Ground
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.extended import ExtendedPlant
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.results.curves import centre_of_oscillation, trailer_com
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Trailer
 from ttwmr_mj.state import FloatArray, RobotState

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ttwmr_mj.controllers.shared.friction import FrictionOptions
-from ttwmr_mj.controllers.shared.learning import (
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions
+from ttwmr_mj.controllers.shared.estimation.learning import (
     KNOWN,
     MOTOR_MISSES,
     PLACES,
@@ -19,13 +19,13 @@ from ttwmr_mj.controllers.shared.learning import (
     Learnable,
     Learner,
 )
-from ttwmr_mj.controllers.shared.observer import Observed, Observer
-from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std
-from ttwmr_mj.dynamics.ground import Ground
-from ttwmr_mj.dynamics.influence import DRAG, DRY, INFLUENCES, VISCOUS, influence_of
+from ttwmr_mj.controllers.shared.estimation.observer import Observed, Observer
+from ttwmr_mj.controllers.shared.estimation.steady_kalman import ObserverOptions, process_std
+from ttwmr_mj.dynamics.floor.ground import Ground
+from ttwmr_mj.dynamics.floor.influence import DRAG, DRY, INFLUENCES, VISCOUS, influence_of
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.motor import Motor
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle

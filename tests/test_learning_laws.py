@@ -12,9 +12,9 @@ import pytest
 
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.flatness import Flatness, FlatnessOptions
-from ttwmr_mj.controllers.shared.friction import FrictionOptions
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions
 from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
-from ttwmr_mj.dynamics.influence import DRY, influence_of
+from ttwmr_mj.dynamics.floor.influence import DRY, influence_of
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath

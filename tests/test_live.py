@@ -19,12 +19,12 @@ from recordings import Recording
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
-from ttwmr_mj.recording import viewer
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.viewer import Viewer, choose_viewer, display, listens, web_viewer
+from ttwmr_mj.recording.stream import viewer
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.viewer import Viewer, choose_viewer, display, listens, web_viewer
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.closed_loop.pace import BEHIND_S, Pace, behind
 from ttwmr_mj.runs.execute import run_scenario
-from ttwmr_mj.runs.pace import BEHIND_S, Pace, behind
 from ttwmr_mj.scenario.file import load_scenario
 
 SHORT = ["duration_s=2.0", "output.figures=false"]
@@ -297,9 +297,8 @@ def test_a_viewer_that_ends_ends_its_command(served: SimpleNamespace) -> None:
 
 
 def test_two_viewers_at_once_have_ports_of_their_own() -> None:
-    code = (
-        "from ttwmr_mj.recording.viewer import free_port as f; print(f(9090), flush=True); input()"
-    )
+    room = "ttwmr_mj.recording.stream.viewer"
+    code = f"from {room} import free_port as f; print(f(9090), flush=True); input()"
     ask = [sys.executable, "-c", code]
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
     with subprocess.Popen(ask, **pipes) as one, subprocess.Popen(ask, **pipes) as other:

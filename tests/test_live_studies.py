@@ -16,11 +16,11 @@ from recordings import Recording
 
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.viewer import Viewer, free_port, listens, running_viewer
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.viewer import Viewer, free_port, listens, running_viewer
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.pace import Pace
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare import Options, compare_scenario
 from ttwmr_mj.studies.track.track import track
@@ -114,7 +114,7 @@ def test_a_viewer_that_runs_already_gets_every_row(tmp_path: Path) -> None:
 
 
 def running_program() -> str:
-    from ttwmr_mj.recording.viewer import window
+    from ttwmr_mj.recording.stream.viewer import window
 
     return window().command[0]
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.results.row_stream import read_run
 
 WORDS = ["run", "lab_circle_camera", "--quiet", "--set", "duration_s=60.0"]

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.runs import machine
+from ttwmr_mj.runs.process import machine
 
 
 def test_a_machine_with_everything(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

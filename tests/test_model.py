@@ -11,10 +11,10 @@ from mujoco import batch
 
 from ttwmr_mj.assets import models_folder
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants import mjcf
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model, build_spec
-from ttwmr_mj.plants.names import CONTACTS
+from ttwmr_mj.plants.model import mjcf
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.mjcf import build_model, build_spec
+from ttwmr_mj.plants.model.names import CONTACTS
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor, Trailer
 
 TRACTOR_BODIES = ("tractor", "wheel_right", "wheel_left", "caster_tractor")

@@ -102,7 +102,7 @@ def test_overruns_are_counted_and_reported_and_change_nothing(
     scenario = with_mpc("outer_circle", "plant.kind=analytic", "duration_s=0.4", *quiet)
     usual = Experiment(scenario).run().trajectory
     clock = iter(0.04 * np.arange(10_000))  # every command takes 40 ms
-    monkeypatch.setattr("ttwmr_mj.runs.stopwatch.perf_counter", lambda: next(clock))
+    monkeypatch.setattr("ttwmr_mj.runs.closed_loop.stopwatch.perf_counter", lambda: next(clock))
     metrics = run_scenario(scenario, tmp_path).metrics
     assert metrics["control_overruns"] == len(usual)
     assert metrics["control_slowest_s"] == pytest.approx(0.04)

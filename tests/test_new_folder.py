@@ -13,13 +13,13 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, RunError
-from ttwmr_mj.runs.lock import locked
-from ttwmr_mj.runs.new_folder import OURS, kept, new_folder
+from ttwmr_mj.runs.files.lock import locked
+from ttwmr_mj.runs.files.new_folder import OURS, kept, new_folder
 
 HOLD = """
 import sys, time
 from pathlib import Path
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.lock import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     time.sleep(60)
@@ -113,7 +113,7 @@ def test_a_recording_without_a_row_replaces_no_run(
         (tmp_path / "run.rrd").touch()  # a recorder does, before there is anything to record
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ttwmr_mj.runs.laws.Laws.start", stopped)
+    monkeypatch.setattr("ttwmr_mj.runs.law.laws.Laws.start", stopped)
     words = ["--out", str(tmp_path), "--force", "--quiet", "--set", "output.recording=false"]
     assert main(["run", "lab_circle", *words]) == 1
     assert capsys.readouterr().err == "ttwmr: stopped; nothing was recorded\n"

@@ -6,9 +6,18 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
-from ttwmr_mj.controllers.shared.observer import MAX_DELAY, Observed, Observer, rolling_turn_rate
-from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, chain_gains, slip_std
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.controllers.shared.estimation.observer import (
+    MAX_DELAY,
+    Observed,
+    Observer,
+    rolling_turn_rate,
+)
+from ttwmr_mj.controllers.shared.estimation.steady_kalman import (
+    ObserverOptions,
+    chain_gains,
+    slip_std,
+)
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.robot import RobotParameters, Servo
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState

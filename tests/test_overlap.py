@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from trains import train
 
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.overlap import overlaps_m
-from ttwmr_mj.runs.foresight import foretold
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.overlap import overlaps_m
+from ttwmr_mj.runs.judgement.foresight import foretold
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import FloatArray
 

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.dynamics.ground import Ground
-from ttwmr_mj.dynamics.regions import Disc, Rectangle, Region, friction_at
+from ttwmr_mj.dynamics.floor.ground import Ground
+from ttwmr_mj.dynamics.floor.regions import Disc, Rectangle, Region, friction_at
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import FloatArray, RobotState

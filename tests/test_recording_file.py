@@ -72,8 +72,8 @@ KILLED = """
 import os, signal, sys
 from pathlib import Path
 import numpy as np
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.recording.run_recorder import RunRecorder
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.results.trajectory import Trajectory

@@ -21,9 +21,9 @@ from recordings import (
 )
 
 from ttwmr_mj.plants.contact_readings import read_contacts
-from ttwmr_mj.recording.floor import floor_corners
-from ttwmr_mj.recording.scene import force_scale_m_n
-from ttwmr_mj.recording.target import reference_pieces
+from ttwmr_mj.recording.scene.floor import floor_corners
+from ttwmr_mj.recording.scene.robot import force_scale_m_n
+from ttwmr_mj.recording.scene.target import reference_pieces
 from ttwmr_mj.references.circle import Circle
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.robot import RobotParameters

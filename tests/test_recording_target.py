@@ -17,9 +17,9 @@ from recordings import (
     robot_model,
 )
 
-from ttwmr_mj.plants.outline import chassis, outline
+from ttwmr_mj.plants.model.outline import chassis, outline
 from ttwmr_mj.recording.layout import plot_view, roomy
-from ttwmr_mj.recording.target import distance, miss_text, spaced
+from ttwmr_mj.recording.scene.target import distance, miss_text, spaced
 from ttwmr_mj.recording.words import drawable
 from ttwmr_mj.results.curves import Curves
 

@@ -7,17 +7,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from ttwmr_mj.controllers.shared import receding_horizon
-from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.gauss_newton import Rollout
-from ttwmr_mj.controllers.shared.observer import Observed
-from ttwmr_mj.controllers.shared.receding_horizon import RecedingHorizon
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions, HitchFriction
+from ttwmr_mj.controllers.shared.estimation.observer import Observed
+from ttwmr_mj.controllers.shared.optimal import receding_horizon
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import Rollout
+from ttwmr_mj.controllers.shared.optimal.receding_horizon import RecedingHorizon
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.controllers.shared.recovery import LEAVE, TAKE_BACK, Recovery
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.dynamics.influence import INFLUENCES
+from ttwmr_mj.dynamics.floor.influence import INFLUENCES
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory

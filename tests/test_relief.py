@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.dynamics.ground import Ground
-from ttwmr_mj.dynamics.terrain import Kerb, Terrain
+from ttwmr_mj.dynamics.floor.ground import Ground
+from ttwmr_mj.dynamics.floor.terrain import Kerb, Terrain
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.relief import Relief
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters

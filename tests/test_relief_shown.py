@@ -8,10 +8,10 @@ import pytest
 from recordings import Recording
 
 import ttwmr_mj as tt
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import HEIGHT, Joints
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.joints import HEIGHT, Joints
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.relief import Relief
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.recording.video.stage import Stage

@@ -85,7 +85,7 @@ EDITS = {
         {"custom"},
         "code.ttwmr_mj.controllers.open_loop",
     ),
-    "recording": (("ttwmr_mj/recording/scene.py", END, CODE), set(), ""),
+    "recording": (("ttwmr_mj/recording/scene/robot.py", END, CODE), set(), ""),
     "figures": (("ttwmr_mj/figures/run.py", END, CODE), set(), ""),
     "command line": (("ttwmr_mj/cli/main.py", END, CODE), set(), ""),
     "study": (

@@ -20,8 +20,8 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream, read_rows, read_run
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.folder import write_resolved
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.folder import write_resolved
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.runs.metrics import MEASURED
 
 QUIET = ["plant.kind=analytic", "output.recording=false", "output.figures=false"]

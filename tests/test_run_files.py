@@ -12,8 +12,8 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.results.metrics import METRICS
-from ttwmr_mj.runs import folder as folders
-from ttwmr_mj.runs.folder import git_commit, results_folder
+from ttwmr_mj.runs.files import folder as folders
+from ttwmr_mj.runs.files.folder import git_commit, results_folder
 from ttwmr_mj.runs.report import (
     HEADLINES,
     RESULT_ROWS,

@@ -16,8 +16,8 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs import signals
-from ttwmr_mj.runs.signals import held_back
+from ttwmr_mj.runs.process import signals
+from ttwmr_mj.runs.process.signals import held_back
 
 PHASES = {  # what is being done when the signal comes → what is told of what is kept
     "ttwmr_mj.runs.execute.write_manifest": "nothing was recorded",

@@ -8,13 +8,13 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from ttwmr_mj.dynamics import hybrid, kinematics, kinetics
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, Ground
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, Ground
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.extended import ExtendedPlant
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState
 

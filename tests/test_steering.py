@@ -13,10 +13,10 @@ import pytest
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.cli.commands.run import RunCommand
 from ttwmr_mj.cli.main import parse
-from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
 from ttwmr_mj.dynamics.flatness import point_behind
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo

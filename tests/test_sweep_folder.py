@@ -14,7 +14,7 @@ import pytest
 
 from sweeps import SMALL, here, plan_of
 from ttwmr_mj.errors import InputError, RunError
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.studies.sweep.answers.read import Sweep
 from ttwmr_mj.studies.sweep.compute import Broke, Computed, Outcome, Unexpected, computed
 from ttwmr_mj.studies.sweep.engine import schema_of

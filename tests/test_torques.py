@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist
 from ttwmr_mj.dynamics.kinetics import forward_acceleration, kinetic_energy
 from ttwmr_mj.dynamics.torques import (
@@ -20,8 +20,8 @@ from ttwmr_mj.dynamics.torques import (
 )
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.kinetic import KineticPlant
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState
 

@@ -9,7 +9,7 @@ import sympy as sp
 from trains import motley, train
 
 from ttwmr_mj.dynamics import kinematics, kinetics
-from ttwmr_mj.dynamics.balls import Forces, resisting_torque, train_drag
+from ttwmr_mj.dynamics.floor.balls import Forces, resisting_torque, train_drag
 from ttwmr_mj.dynamics.hybrid import trailer_acceleration
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.train import hitch_torques, jacobians, on_trailers, trailer_accelerations

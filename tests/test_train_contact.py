@@ -11,10 +11,10 @@ from ttwmr_mj.dynamics.train import swing_matrix
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.names import casters, trailer_part
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.joints import Joints
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.names import casters, trailer_part
 from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.robot import Casters, RobotParameters
 from ttwmr_mj.runs.build import initial_state, sample_reference

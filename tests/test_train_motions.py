@@ -8,7 +8,7 @@ from trains import train
 
 from ttwmr_mj.dynamics.circling import circling, circling_behind
 from ttwmr_mj.dynamics.flatness import is_flat, motion_from_flat
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist
 from ttwmr_mj.dynamics.train import trailer_accelerations
 from ttwmr_mj.errors import InputError

@@ -8,10 +8,10 @@ from trains import motley, train
 
 import ttwmr_mj as tt
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.shared.tracking_problem import Target, TrackingWeights
-from ttwmr_mj.controllers.shared.train_problem import TrainProblem
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import Target, TrackingWeights
+from ttwmr_mj.controllers.shared.optimal.train_problem import TrainProblem
 from ttwmr_mj.dynamics.kinematics import q_rate, twist_from_wheels
-from ttwmr_mj.dynamics.sampled_train import SampledTrain
+from ttwmr_mj.dynamics.sampled.train import SampledTrain
 from ttwmr_mj.dynamics.train import FASTEST_SWING_RAD_S, solve, swing_matrix
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import RobotParameters

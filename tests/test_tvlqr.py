@@ -10,13 +10,13 @@ from scipy.linalg import solve_discrete_are
 
 from ttwmr_mj.controllers import tvlqr
 from ttwmr_mj.controllers.base import Task
-from ttwmr_mj.controllers.shared.friction import FrictionOptions
-from ttwmr_mj.controllers.shared.gauss_newton import fit
-from ttwmr_mj.controllers.shared.riccati import backward
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import fit
+from ttwmr_mj.controllers.shared.optimal.riccati import backward
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.controllers.tvlqr import Tvlqr, TvlqrOptions
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.dynamics.extended import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.extended import ExtendedPlant
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import RobotParameters, Tractor
 from ttwmr_mj.state import RobotState
 

@@ -12,8 +12,8 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.runs.build import sample_reference
-from ttwmr_mj.runs.foresight import foretold
-from ttwmr_mj.runs.verdict import demands_of
+from ttwmr_mj.runs.judgement.foresight import foretold
+from ttwmr_mj.runs.judgement.verdict import demands_of
 
 LEAN = ["output.recording=false", "output.figures=false"]
 LYAPUNOV = 'controller={kind="lyapunov"}'

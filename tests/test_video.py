@@ -15,7 +15,7 @@ import pytest
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import force_scale_m_n
+from ttwmr_mj.recording.scene.robot import force_scale_m_n
 from ttwmr_mj.recording.video import encode
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.film import SIZE_PX, STRIP_SHARE, Film

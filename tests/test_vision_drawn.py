@@ -12,14 +12,14 @@ from vision_poses import train_of
 from vision_scene import random_pose
 
 from ttwmr_mj.assets import models_folder
-from ttwmr_mj.plants.contact_options import ContactOptions
-from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.outline import VISUAL_GROUP
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.joints import Joints
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.outline import VISUAL_GROUP
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.vision.camera.drawn import SURFACES, build_drawn_model
 from ttwmr_mj.vision.camera.labels import read_layout
 from ttwmr_mj.vision.camera.options import CameraOptions
+from ttwmr_mj.vision.camera.rendering.drawn import SURFACES, build_drawn_model
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 
 OPTIONS = ContactOptions()

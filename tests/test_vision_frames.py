@@ -9,11 +9,11 @@ import pytest
 from vision_scene import camera, random_pose, with_faults
 
 from ttwmr_mj.errors import MachineError
-from ttwmr_mj.vision.camera import gl
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import DISTRACTOR_CLASS, FIRST_LABEL_CLASS, OCCLUDER_CLASS, Frame
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Delivery, Exposure, Lens
-from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.rendering import gl
+from ttwmr_mj.vision.camera.rendering.region import Region
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 
 POSE = np.array([0.3, 0.2, 0.5, 1.4])

@@ -14,8 +14,8 @@ from ttwmr_mj.vision.camera.lens import LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise, thinned
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Delivery, Noise, Window
-from ttwmr_mj.vision.camera.posture import Posture
-from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.rendering.posture import Posture
+from ttwmr_mj.vision.camera.rendering.region import Region
 
 SMALL = CameraOptions(width_px=160, height_px=120, lens=LAB_CAMERA.lens)
 

@@ -10,7 +10,7 @@ from scipy import stats
 from vision_scene import ROBOT, lab_calibration, with_faults
 
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState, wrap
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions

@@ -13,14 +13,14 @@ from vision_scene import with_faults
 import ttwmr_mj as tt
 from ttwmr_mj.dynamics.train import links
 from ttwmr_mj.plants.analytic import AnalyticPlant
-from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, RobotState
-from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.frame import TRAILER_CLASS
 from ttwmr_mj.vision.camera.labels import LabelLayout, read_layout
 from ttwmr_mj.vision.camera.model import hang_camera
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
+from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 from ttwmr_mj.vision.coco import category
 from ttwmr_mj.vision.tracking import constellation

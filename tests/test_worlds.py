@@ -9,9 +9,9 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.robot import Trailer
-from ttwmr_mj.scenario import worlds
 from ttwmr_mj.scenario.file import dump_scenario, load_scenario
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.tables import worlds
 
 TRUTH, CAMERA = "inverted_trailer", "inverted_trailer_camera"
 

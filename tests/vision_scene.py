@@ -7,12 +7,12 @@ from functools import cache
 import mujoco
 import numpy as np
 
-from ttwmr_mj.plants.contact_options import ContactOptions
+from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
-from ttwmr_mj.vision.camera.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Faults
+from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
 
 ROBOT = RobotParameters()

@@ -11,7 +11,7 @@ from typing import Any, NoReturn
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
 from ttwmr_mj.errors import LONGEST_REASON, cut
-from ttwmr_mj.runs.signals import WAITING, give_back, handled_by, interrupt
+from ttwmr_mj.runs.process.signals import WAITING, give_back, handled_by, interrupt
 
 TRY = """three to try:
   ttwmr run lab_circle           drive the laboratory's circle, in contact physics

@@ -14,9 +14,9 @@ from ttwmr_mj.cli.last_resort import say
 from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_system
 
 if TYPE_CHECKING:
-    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.recording.stream.live import LiveView
+    from ttwmr_mj.runs.closed_loop.pace import Pace
     from ttwmr_mj.runs.execute import Run
-    from ttwmr_mj.runs.pace import Pace
     from ttwmr_mj.scenario.schema import Scenario
 
 SCENARIO = "a TOML file, or the name of a shipped scenario"
@@ -45,8 +45,8 @@ class NewFolder(Quiet):
         Raises:
             RunError: a signal or the system broke it off.
         """
-        from ttwmr_mj.runs.folder import results_folder
-        from ttwmr_mj.runs.new_folder import kept, new_folder
+        from ttwmr_mj.runs.files.folder import results_folder
+        from ttwmr_mj.runs.files.new_folder import kept, new_folder
 
         folder = self.out or results_folder(name, suffix)
         with new_folder(folder, self.force):
@@ -100,7 +100,7 @@ class Live(Quiet):
 
     def make_pace(self) -> Pace:
         """The pace the user wants."""
-        from ttwmr_mj.runs.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
+        from ttwmr_mj.runs.closed_loop.pace import LIVE_REPORT_EVERY_S, REPORT_EVERY_S, Pace
 
         speed = float(self.live is not None) if self.pace is None else self.pace
         looked_at = self.live is not None and speed > 0.0

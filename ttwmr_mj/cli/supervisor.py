@@ -151,7 +151,7 @@ class _Watch:
 
     def code(self) -> int:
         """Wait for the child's end; the exit code that it has told, else FAILED with a reason."""
-        from ttwmr_mj.runs.signals import give_back, handled_by
+        from ttwmr_mj.runs.process.signals import give_back, handled_by
 
         before = handled_by(self._pass_on)
         try:

@@ -5,8 +5,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.viewer import choose_viewer
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.viewer import choose_viewer
 
 
 @contextmanager

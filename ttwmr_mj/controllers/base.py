@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference, faults_only, kind_of

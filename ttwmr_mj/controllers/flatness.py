@@ -45,7 +45,7 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Task
-from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
+from ttwmr_mj.controllers.shared.estimation.observer import Observed, rolling_turn_rate
 from ttwmr_mj.controllers.shared.planning import PlanningLaw
 from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
 from ttwmr_mj.controllers.shared.steering import SteeringOptions
@@ -58,8 +58,8 @@ from ttwmr_mj.dynamics.flatness import (
     trailer_axes,
     velocity_behind,
 )
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, VISCOUS, held_back
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
-from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, VISCOUS, held_back
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.feasibility import LEAST_ACCELERATION_M_S2
 from ttwmr_mj.references.shared.path import ReferencePath

@@ -31,9 +31,12 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, Task
+from ttwmr_mj.controllers.shared.optimal.receding_horizon import (
+    PREDICTION_SUBSTEP_S,
+    RecedingHorizon,
+)
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import TrackingProblem
 from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
-from ttwmr_mj.controllers.shared.receding_horizon import PREDICTION_SUBSTEP_S, RecedingHorizon
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem
 from ttwmr_mj.controllers.shared.train_tracking import TrainHorizon
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.sensing import Estimate

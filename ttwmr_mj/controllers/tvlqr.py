@@ -26,14 +26,14 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Law, Task
-from ttwmr_mj.controllers.shared.gauss_newton import fit, lqr
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import fit, lqr
+from ttwmr_mj.controllers.shared.optimal.riccati import apply
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import UNKNOWN, TrackingProblem
 from ttwmr_mj.controllers.shared.planning import PlanningLaw, TrackingOptions
 from ttwmr_mj.controllers.shared.recovery import Recovery, RecoveryKind
-from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingProblem
 from ttwmr_mj.controllers.shared.train_tracking import TrainGains
-from ttwmr_mj.dynamics.influence import DRY, VISCOUS
-from ttwmr_mj.dynamics.sampled import SLIP
+from ttwmr_mj.dynamics.floor.influence import DRY, VISCOUS
+from ttwmr_mj.dynamics.sampled.one_trailer import SLIP
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import wrap

@@ -14,8 +14,8 @@ As in `kinetics`, functions work over any leading axes and any number n of trail
 import numpy as np
 
 from ttwmr_mj.composite import wheel_inertia
-from ttwmr_mj.dynamics.balls import all_held_back, direction, train_drag
-from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.balls import all_held_back, direction, train_drag
+from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import to_body, twist_from_wheels, wheels_from_twist
 from ttwmr_mj.dynamics.kinetics import add_hitches, gravity, reduced_bias, reduced_mass_matrix
 from ttwmr_mj.dynamics.train import hitch_torques, solve

@@ -16,9 +16,9 @@ if TYPE_CHECKING:
 
 def draw_silhouettes(axes: Axes, q: FloatArray, robot: RobotParameters) -> None:
     """The robot at poses (n, 3 + trailers), later ones darker."""
-    from ttwmr_mj.plants.contact_options import ContactOptions
-    from ttwmr_mj.plants.mjcf import build_model
-    from ttwmr_mj.plants.outline import silhouettes
+    from ttwmr_mj.plants.model.contact_options import ContactOptions
+    from ttwmr_mj.plants.model.mjcf import build_model
+    from ttwmr_mj.plants.model.outline import silhouettes
 
     shapes = silhouettes(build_model(robot, ContactOptions()), q)
     shades = np.linspace(0.25, 0.75, len(q))

@@ -1,6 +1,6 @@
 """What a plan may use of what a robot has, so that feedback keeps its share."""
 
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2
 from ttwmr_mj.planning.transcription import Limits
 from ttwmr_mj.robot import RobotParameters
 

@@ -4,7 +4,7 @@ import io
 from contextlib import redirect_stderr
 from typing import Any
 
-from ttwmr_mj.runs.signals import noted
+from ttwmr_mj.runs.process.signals import noted
 
 
 def solved(problem: Any) -> Any:

@@ -8,7 +8,7 @@ equation (`plants.swing` of one trailer, `plants.train_swing` of several).
 import numpy as np
 
 from ttwmr_mj.config import rows_of
-from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.kinematics import (
     q_rate,
     rolling,

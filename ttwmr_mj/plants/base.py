@@ -42,7 +42,7 @@ class Plant(Protocol):
         """Hold commanded wheel speeds or torques (nsim, 2) (right, left) for a number of steps."""
 
     def push(self, forces_n: dict[str, FloatArray]) -> None:
-        """From now on, push bodies (`plants.names`) with forces (2,) or (nsim, 2), world frame."""
+        """From now on, push bodies (`plants.model.names`): (2,) or (nsim, 2), world frame."""
 
     def joint_positions(self) -> FloatArray:
         """(nsim, nq) MuJoCo's generalized positions; nq = 0 where there is no such thing."""

@@ -7,20 +7,20 @@ from functools import partial
 import numpy as np
 
 from ttwmr_mj.config import column, columns, each, rows_of
-from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.regions import friction_at
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Drive, Firmware
-from ttwmr_mj.dynamics.regions import friction_at
 from ttwmr_mj.dynamics.servo import Ramp
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.plants.contact_options import ContactOptions
 from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
-from ttwmr_mj.plants.engine import batch, mujoco
 from ttwmr_mj.plants.footing import Footing
-from ttwmr_mj.plants.joints import HEIGHT, Joints, W, X, Y
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.names import WHEELS, casters, contacts, trailer_part
-from ttwmr_mj.plants.relief import Relief, take_off
+from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.engine import batch, mujoco
+from ttwmr_mj.plants.model.joints import HEIGHT, Joints, W, X, Y
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.names import WHEELS, casters, contacts, trailer_part
+from ttwmr_mj.plants.model.relief import Relief, take_off
 from ttwmr_mj.plants.stance import Stance
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.plants.names import contact_sensor
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.plants.model.names import contact_sensor
 from ttwmr_mj.state import FloatArray
 
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from ttwmr_mj.dynamics.extended import ExtendedModel
-from ttwmr_mj.dynamics.extended_train import with_hitches
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.train import with_hitches
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.errors import InputError, at_most

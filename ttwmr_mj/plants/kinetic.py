@@ -9,8 +9,8 @@ from itertools import product
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import all_held_back, held_back
-from ttwmr_mj.dynamics.ground import LEVEL, Ground
+from ttwmr_mj.dynamics.floor.balls import all_held_back, held_back
+from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import q_rate, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.kinetics import first_moments

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.plants.footing import FLOWN_M, TIPPED_RAD, Footing
-from ttwmr_mj.plants.joints import HEIGHT, X, Y
-from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.plants.model.joints import HEIGHT, X, Y
+from ttwmr_mj.plants.model.relief import Relief
 from ttwmr_mj.state import FloatArray
 
 NEAR_M = 1e-4  # of the ground: a wheel is not off it

@@ -18,8 +18,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.config import each
-from ttwmr_mj.dynamics.balls import FADING_M_S, Forces, held_back, resisting_torque, slowing
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.floor.balls import FADING_M_S, Forces, held_back, resisting_torque, slowing
+from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.hitch import published_spring_acceleration, spring_damper_acceleration
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta

@@ -14,8 +14,8 @@ from itertools import product
 
 import numpy as np
 
-from ttwmr_mj.dynamics.balls import FADING_M_S, all_held_back, slowing, train_drag
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.floor.balls import FADING_M_S, all_held_back, slowing, train_drag
+from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.train import hitch_torques, pivot_torque, solve, swing_bias, swing_matrix
 from ttwmr_mj.plants.swing import RK4_STABLE_RADIUS, Forcing

@@ -8,8 +8,8 @@ import rerun.blueprint as rrb
 from ttwmr_mj.recording import layout
 from ttwmr_mj.recording.layout import Range
 from ttwmr_mj.recording.plots import PLOTS, STATES, signal_path
-from ttwmr_mj.recording.scene import driven_paths
-from ttwmr_mj.recording.target import miss_paths
+from ttwmr_mj.recording.scene.robot import driven_paths
+from ttwmr_mj.recording.scene.target import miss_paths
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.state import FloatArray
 

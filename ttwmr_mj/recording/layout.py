@@ -6,8 +6,8 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.key import KEY, KEY_SIZE
-from ttwmr_mj.recording.scene import P_MARKER
+from ttwmr_mj.recording.scene.key import KEY, KEY_SIZE
+from ttwmr_mj.recording.scene.robot import P_MARKER
 from ttwmr_mj.recording.series import TIMELINE
 
 REPORT = "report"

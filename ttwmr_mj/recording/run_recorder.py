@@ -10,16 +10,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import rerun as rr
 
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.recording import key, style
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.recording import style
 from ttwmr_mj.recording.blueprint import blueprint
-from ttwmr_mj.recording.floor import floor_corners
-from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import DETAILS
 from ttwmr_mj.recording.plots import Plots
-from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import Scene, force_scale_m_n
+from ttwmr_mj.recording.scene import key
+from ttwmr_mj.recording.scene.floor import floor_corners
+from ttwmr_mj.recording.scene.key import Entry, draw_key
+from ttwmr_mj.recording.scene.robot import Scene, force_scale_m_n
 from ttwmr_mj.recording.series import StateLog
+from ttwmr_mj.recording.stream.rrd_file import RrdFile
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
@@ -28,7 +29,7 @@ from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.camera_view import CameraView
-    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.recording.stream.live import LiveView
     from ttwmr_mj.vision.camera.labels import LabelLayout
     from ttwmr_mj.vision.camera.model import CameraModel
     from ttwmr_mj.vision.log import CameraRecord

@@ -123,7 +123,7 @@ def judge(
     Args:
         trajectory: of that simulation, with every row finite if its status is ok.
         robot: that was driven.
-        status: how it ended, as `runs.loop.Outcome` has it.
+        status: how it ended, as `runs.closed_loop.loop.Outcome` has it.
         reason: why, if it broke off.
         accept: the limits; None: the defaults.
         demands: what the reference asks of that robot; None: not looked at.

@@ -10,8 +10,8 @@ import numpy as np
 from ttwmr_mj.config import batch_shape
 from ttwmr_mj.errors import require, require_whole
 from ttwmr_mj.files import named
+from ttwmr_mj.runs.closed_loop.loop import Loop
 from ttwmr_mj.runs.experiment import Experiment, Result
-from ttwmr_mj.runs.loop import Loop
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.scenario.file import require_scenario
 from ttwmr_mj.scenario.schema import Scenario

@@ -7,8 +7,8 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions, law_faults
 from ttwmr_mj.deadline import limited
-from ttwmr_mj.dynamics.ground import Ground
-from ttwmr_mj.dynamics.influence import DRY, influence_of
+from ttwmr_mj.dynamics.floor.ground import Ground
+from ttwmr_mj.dynamics.floor.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.carried import carried
@@ -17,7 +17,7 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.registry import guarded
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs.laws import START_LIMIT, leave_if_forked
+from ttwmr_mj.runs.law.laws import START_LIMIT, leave_if_forked
 from ttwmr_mj.scenario.equations import plant_of_equations
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
@@ -146,7 +146,7 @@ def make_sensor(
     if section.kind == "truth":
         return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
-    from ttwmr_mj.vision.camera.drawn import build_drawn_model
+    from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
     from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
 
     calibration_rng, camera_rng = rngs[0].spawn(2)
@@ -173,7 +173,7 @@ def refuse_unbuildable(scenario: Scenario, folder: Path) -> None:
     """
     make_plant(scenario, nthread=1)
     if scenario.sensing.kind == "camera":
-        from ttwmr_mj.vision.camera.drawn import build_drawn_model
+        from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
         from ttwmr_mj.vision.sensor import refuse_unusable
 
         model = build_drawn_model(scenario.robot, scenario.plant.contact)

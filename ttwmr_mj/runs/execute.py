@@ -10,22 +10,22 @@ from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.files import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
+from ttwmr_mj.runs.closed_loop.loop import Outcome
+from ttwmr_mj.runs.closed_loop.pace import Pace
+from ttwmr_mj.runs.closed_loop.stopwatch import Stopwatch
 from ttwmr_mj.runs.experiment import Experiment, Result
-from ttwmr_mj.runs.folder import write_manifest, write_resolved
-from ttwmr_mj.runs.loop import Outcome
+from ttwmr_mj.runs.files.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.runs.metrics import metrics_of, write_result
-from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.runs.process.signals import held_back
 from ttwmr_mj.runs.records import Progress, Records, frames_every
 from ttwmr_mj.runs.report import details_text, figure_title, result_text
-from ttwmr_mj.runs.signals import held_back
-from ttwmr_mj.runs.stopwatch import Stopwatch
-from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState
 
 if TYPE_CHECKING:
     from ttwmr_mj.plants.contact import ContactPlant
-    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.recording.stream.live import LiveView
 
 LOOP_PARTS = ("plant", "sensing", "controller", "loop")
 PHYSICS_FILE = "physics.parquet"

@@ -11,11 +11,11 @@ from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
-from ttwmr_mj.runs.loop import Outcome, Report
-from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.runs.closed_loop.loop import Outcome, Report
+from ttwmr_mj.runs.closed_loop.pace import Pace
+from ttwmr_mj.runs.judgement.verdict import verdict_on
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
-from ttwmr_mj.runs.verdict import verdict_on
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ttwmr_mj.files import clear
 from ttwmr_mj.runs.batch import batch_key, run_batch
 from ttwmr_mj.runs.execute import run_scenario
-from ttwmr_mj.runs.folder import write_manifest, write_resolved
+from ttwmr_mj.runs.files.folder import write_manifest, write_resolved
 from ttwmr_mj.runs.metrics import metrics_of, write_result
 from ttwmr_mj.scenario.schema import Scenario
 

@@ -9,7 +9,7 @@ from ttwmr_mj.files import write_json
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.experiment import Result
-from ttwmr_mj.runs.judged import frame_metrics, judged
+from ttwmr_mj.runs.judgement.judged import frame_metrics, judged
 from ttwmr_mj.scenario.schema import Scenario
 
 MEASURED = (  # in metrics.json, and different whenever a run is repeated

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.plants.names import trailer_part
+from ttwmr_mj.plants.model.names import trailer_part
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import PushOptions, Scenario
 from ttwmr_mj.state import FloatArray
@@ -60,7 +60,7 @@ class Push(NamedTuple):
 
     @property
     def body(self) -> str:
-        """What is pushed, as `plants.names` has it."""
+        """What is pushed, as `plants.model.names` has it."""
         return self.on if self.on == "tractor" else trailer_part("trailer", self.trailer - 1)
 
     def at(self, time_s: float) -> FloatArray:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, Self, cast
 
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.background import Background
+from ttwmr_mj.runs.closed_loop.pace import Pace, behind
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.pace import Pace, behind
+from ttwmr_mj.runs.process.background import Background
 from ttwmr_mj.runs.report import summary
 from ttwmr_mj.scenario.schema import Scenario
 
 if TYPE_CHECKING:
-    from ttwmr_mj.recording.live import LiveView
     from ttwmr_mj.recording.run_recorder import RunRecorder
+    from ttwmr_mj.recording.stream.live import LiveView
     from ttwmr_mj.vision.coco import FrameExport
     from ttwmr_mj.vision.sensor import CameraSensor
 
@@ -155,6 +155,6 @@ def _drawable_model(experiment: Experiment) -> Any:
     """The MjModel to draw: the plant's own, or one of the same robot for the analytic plant."""
     if hasattr(experiment.plant, "model"):
         return experiment.plant.model
-    from ttwmr_mj.plants.mjcf import build_model
+    from ttwmr_mj.plants.model.mjcf import build_model
 
     return build_model(experiment.scenario.robot, experiment.scenario.plant.contact)

@@ -8,7 +8,7 @@ from ttwmr_mj.controllers.shared.source import inspected
 from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.laws import START_LIMIT
+from ttwmr_mj.runs.law.laws import START_LIMIT
 from ttwmr_mj.scenario.schema import Scenario
 
 

@@ -12,11 +12,11 @@ from ttwmr_mj.files import no_device, read_json
 from ttwmr_mj.results.row_stream import ROWS_FILE, read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.runs.closed_loop.loop import Outcome, Status
 from ttwmr_mj.runs.experiment import Result
-from ttwmr_mj.runs.lock import locked
-from ttwmr_mj.runs.loop import Outcome, Status
+from ttwmr_mj.runs.files.lock import locked
+from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.runs.metrics import MEASURED, repeatable_metrics, write_metrics
-from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 

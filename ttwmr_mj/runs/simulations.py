@@ -18,12 +18,12 @@ from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.actuation import Actuation
-from ttwmr_mj.runs.laws import Laws, Part
-from ttwmr_mj.runs.loop import Loop, Report
-from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.runs.closed_loop.actuation import Actuation
+from ttwmr_mj.runs.closed_loop.loop import Loop, Report
+from ttwmr_mj.runs.closed_loop.pace import Pace
+from ttwmr_mj.runs.judgement.verdict import demands_of
+from ttwmr_mj.runs.law.laws import Laws, Part
 from ttwmr_mj.runs.pushes import Push
-from ttwmr_mj.runs.verdict import demands_of
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import RobotState

@@ -18,8 +18,8 @@ from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.scenario import timing
 from ttwmr_mj.scenario.equations import plant_of_equations
 from ttwmr_mj.scenario.limits import ESCAPE
-from ttwmr_mj.scenario.plant import PushOptions
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.tables.plant import PushOptions
 from ttwmr_mj.scenario.timing import STEP
 from ttwmr_mj.vision.camera.options import FadedLabel, Occluder
 

@@ -42,7 +42,7 @@ def _equations(scenario: Scenario, nsim: int) -> Plant:
 
         return KineticPlant(robot, nsim, step_s, longest_s, scenario.ground)
     if options.analytic.extended is not None:
-        from ttwmr_mj.dynamics.extended_train import extended_model
+        from ttwmr_mj.dynamics.extended.train import extended_model
         from ttwmr_mj.plants.extended import ExtendedPlant
 
         model = extended_model(robot).of(robot, options.analytic.extended, scenario.ground)

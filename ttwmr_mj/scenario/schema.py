@@ -10,16 +10,21 @@ from pydantic import Field, field_validator, model_validator
 
 from ttwmr_mj.config import NAME, PATTERNS, Config
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
-from ttwmr_mj.dynamics.ground import Ground
+from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.references.shared.reference import REFERENCES, Reference
 from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.robot import RobotParameters, merged
-from ttwmr_mj.scenario.belief import BeliefOptions
-from ttwmr_mj.scenario.control import ControlOptions
-from ttwmr_mj.scenario.output import OutputOptions
-from ttwmr_mj.scenario.plant import MAX_DURATION_S, AnalyticOptions, PlantOptions, PushOptions
-from ttwmr_mj.scenario.start import AtRest, Initial, OnReference
-from ttwmr_mj.scenario.worlds import World, filled
+from ttwmr_mj.scenario.tables.belief import BeliefOptions
+from ttwmr_mj.scenario.tables.control import ControlOptions
+from ttwmr_mj.scenario.tables.output import OutputOptions
+from ttwmr_mj.scenario.tables.plant import (
+    MAX_DURATION_S,
+    AnalyticOptions,
+    PlantOptions,
+    PushOptions,
+)
+from ttwmr_mj.scenario.tables.start import AtRest, Initial, OnReference
+from ttwmr_mj.scenario.tables.worlds import World, filled
 from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.options import CameraSensing

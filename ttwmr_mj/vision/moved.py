@@ -4,7 +4,7 @@ from copy import copy
 
 import numpy as np
 
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.results.frame import PlaneFrame
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import read_layout

@@ -12,7 +12,7 @@ import numpy as np
 from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.errors import InputError, shown
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate, MeasurementQueue, Sensor
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
@@ -71,7 +71,7 @@ class CameraSensor(Sensor):
             section: the camera with its faults, its latency and the tracker's options.
             calibrated: what the loop knows of the camera (`find_calibration`).
             believed: what the trackers take the robot to be.
-            model: the scene with the robot that is seen, as of `plants.mjcf.build_model`.
+            model: the scene with the robot that is seen, as of `plants.model.mjcf.build_model`.
             period_s: control period; a frame is taken in each.
             nsim: simulations in the batch.
             rng: source of all noise and faults.

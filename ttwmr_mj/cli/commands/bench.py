@@ -27,7 +27,7 @@ class Bench(Quiet, name="bench"):
     max_rows: int = option("refuse larger suites", 10_000, metavar="N", least=1)
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.folder import results_folder
+        from ttwmr_mj.runs.files.folder import results_folder
         from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
         from ttwmr_mj.studies.bench.page import write_page
         from ttwmr_mj.studies.bench.scoring import collect, told_damaged
@@ -59,7 +59,7 @@ class Bench(Quiet, name="bench"):
 
     def _run(self, suite: Suite, folder: Path) -> dict[str, str]:
         """Run what is missing; rows that were not, and why."""
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
         from ttwmr_mj.studies.bench.execute import run_suite
         from ttwmr_mj.studies.bench.suite import rows_of
 

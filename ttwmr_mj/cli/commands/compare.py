@@ -32,7 +32,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
     )
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
         from ttwmr_mj.scenario.file import find_scenario
         from ttwmr_mj.studies.compare import Options, compare_scenario, plain
 

@@ -8,7 +8,7 @@ class Doctor(Subcommand, name="doctor"):
     """Say what this machine has and what is missing."""
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.machine import examine
+        from ttwmr_mj.runs.process.machine import examine
 
         text, healthy = examine()
         print(printable(text))

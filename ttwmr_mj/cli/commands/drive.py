@@ -22,8 +22,8 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
 
     def __call__(self) -> int:
         from ttwmr_mj.cli.viewing import viewing
-        from ttwmr_mj.runs.drive import drive_scenario
-        from ttwmr_mj.runs.hands import Hands
+        from ttwmr_mj.runs.by_hand.drive import drive_scenario
+        from ttwmr_mj.runs.by_hand.hands import Hands
 
         if not 0.0 < self.longest <= 3600.0:
             got = f"{self.longest:g}"

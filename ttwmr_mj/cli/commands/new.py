@@ -21,7 +21,7 @@ class New(Subcommand, name="new"):
     force: bool = option("replace files that are there")
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.template import template_files
+        from ttwmr_mj.runs.files.template import template_files
 
         if not re.fullmatch(r"[a-z0-9][a-z0-9_-]{0,57}", self.wanted):
             allowed = "up to 58 lower-case letters, digits, - and _, a letter or digit first"

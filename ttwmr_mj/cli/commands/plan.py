@@ -180,7 +180,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
     ) -> tuple[Request, Found]:
         from ttwmr_mj.planning.request import Request
         from ttwmr_mj.planning.through_points import plan_through
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
 
         request = Request(points.points_m, self.closed or points.closed, self.duration)
         with progress_bar("planning", ITERATIONS, "iterations", self.quiet) as progress:

@@ -34,8 +34,8 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.execute import run_scenario
-        from ttwmr_mj.runs.foresight import foretold
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.judgement.foresight import foretold
+        from ttwmr_mj.runs.process.progress import progress_bar
         from ttwmr_mj.scenario.file import find_scenario
 
         self._check_requirement()

@@ -76,7 +76,7 @@ class Sweep(Quiet, name="sweep"):
 
     def _plan(self) -> Plan:
         """The plan, every row of it checked, unless the folder holds it already."""
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
         from ttwmr_mj.studies.sweep.folder.plan_file import stored_plan
         from ttwmr_mj.studies.sweep.laws import check_laws
         from ttwmr_mj.studies.sweep.plan.build import build_plan, completed

@@ -21,7 +21,7 @@ class TrackCommand(NewFolder, Live, name="track"):
     frames: int | None = option("stop after N frames", metavar="N", least=1)
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
         from ttwmr_mj.scenario.file import load_scenario
         from ttwmr_mj.studies.track.track import track
 

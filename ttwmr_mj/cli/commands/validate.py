@@ -25,7 +25,7 @@ class Validate(Overrides, name="validate"):
     )
 
     def __call__(self) -> int:
-        from ttwmr_mj.runs.foresight import foretold
+        from ttwmr_mj.runs.judgement.foresight import foretold
 
         errors = []
         for name in self.scenarios:

@@ -24,7 +24,7 @@ class VideoCommand(Quiet, name="video"):
 
     def __call__(self) -> int:
         from ttwmr_mj.recording.video.film import make_video
-        from ttwmr_mj.runs.progress import progress_bar
+        from ttwmr_mj.runs.process.progress import progress_bar
 
         with progress_bar(self.out.name, 100.0, "%", self.quiet) as progress:
             lacks = make_video(

@@ -16,11 +16,11 @@ class View(Subcommand, name="view"):
     web: bool = option("serve it to a browser on this machine, until Ctrl-C")
 
     def __call__(self) -> int:
-        from ttwmr_mj.recording.viewer import find_recording, open_window, web_viewer
+        from ttwmr_mj.recording.stream.viewer import find_recording, open_window, web_viewer
 
         if not self.web:
             return open_window(self.recording)
-        from ttwmr_mj.recording.live import LiveView
+        from ttwmr_mj.recording.stream.live import LiveView
 
         recording = find_recording(self.recording)
         with LiveView(web_viewer()) as served, suppress(KeyboardInterrupt):

@@ -7,10 +7,10 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Task, undefined_theta2
-from ttwmr_mj.controllers.shared.gauss_newton import DISTURBANCE_TIME_S, decay
-from ttwmr_mj.controllers.shared.observer import Observed
+from ttwmr_mj.controllers.shared.estimation.observer import Observed
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import DISTURBANCE_TIME_S, decay
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import UNKNOWN, TrackingWeights
 from ttwmr_mj.controllers.shared.steering import SteeringLaw, SteeringOptions
-from ttwmr_mj.controllers.shared.tracking_problem import UNKNOWN, TrackingWeights
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath

@@ -21,11 +21,14 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.controllers.shared.friction import HitchFriction
-from ttwmr_mj.controllers.shared.gauss_newton import DISTURBANCE_TIME_S, decay
-from ttwmr_mj.controllers.shared.observer import Observed
-from ttwmr_mj.controllers.shared.receding_horizon import PREDICTION_SUBSTEP_S, RecedingHorizon
-from ttwmr_mj.controllers.shared.tracking_problem import TrackingProblem, TrackingWeights
+from ttwmr_mj.controllers.shared.estimation.friction import HitchFriction
+from ttwmr_mj.controllers.shared.estimation.observer import Observed
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import DISTURBANCE_TIME_S, decay
+from ttwmr_mj.controllers.shared.optimal.receding_horizon import (
+    PREDICTION_SUBSTEP_S,
+    RecedingHorizon,
+)
+from ttwmr_mj.controllers.shared.optimal.tracking_problem import TrackingProblem, TrackingWeights
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray

@@ -6,18 +6,27 @@ import numpy as np
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Command, ControllerOptions, Law, Task
-from ttwmr_mj.controllers.shared.friction import FrictionOptions, HitchFriction
-from ttwmr_mj.controllers.shared.learning import PLACES, UNEXPLAINED_WALK_RAD_S2, Learnable, Learner
-from ttwmr_mj.controllers.shared.observer import Observed, Observer
-from ttwmr_mj.controllers.shared.steady_kalman import ObserverOptions, process_std, slip_std
+from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions, HitchFriction
+from ttwmr_mj.controllers.shared.estimation.learning import (
+    PLACES,
+    UNEXPLAINED_WALK_RAD_S2,
+    Learnable,
+    Learner,
+)
+from ttwmr_mj.controllers.shared.estimation.observer import Observed, Observer
+from ttwmr_mj.controllers.shared.estimation.steady_kalman import (
+    ObserverOptions,
+    process_std,
+    slip_std,
+)
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.latency import LatencyFinder
-from ttwmr_mj.dynamics.sampled import SampledModel
+from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.state import BoolArray, FloatArray
 
-# Name and unit of what is learned, in the order of `dynamics.influence`.
+# Name and unit of what is learned, in the order of `dynamics.floor.influence`.
 SIGNALS = (
     ("gravity_x", "m_s2"),
     ("gravity_y", "m_s2"),

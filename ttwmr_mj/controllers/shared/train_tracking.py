@@ -12,16 +12,19 @@ from abc import ABC, abstractmethod
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command, Task
-from ttwmr_mj.controllers.shared.gauss_newton import fit, lqr
-from ttwmr_mj.controllers.shared.observer import Observed, rolling_turn_rate
+from ttwmr_mj.controllers.shared.estimation.observer import Observed, rolling_turn_rate
+from ttwmr_mj.controllers.shared.estimation.train_observer import TrainObserver
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import fit, lqr
+from ttwmr_mj.controllers.shared.optimal.receding_horizon import (
+    PREDICTION_SUBSTEP_S,
+    RecedingHorizon,
+)
+from ttwmr_mj.controllers.shared.optimal.riccati import apply
+from ttwmr_mj.controllers.shared.optimal.train_problem import TrainProblem
 from ttwmr_mj.controllers.shared.planning import TrackingOptions
-from ttwmr_mj.controllers.shared.receding_horizon import PREDICTION_SUBSTEP_S, RecedingHorizon
-from ttwmr_mj.controllers.shared.riccati import apply
-from ttwmr_mj.controllers.shared.train_observer import TrainObserver
-from ttwmr_mj.controllers.shared.train_problem import TrainProblem
 from ttwmr_mj.controllers.shared.wheels import CUT_RAD_S, NEAR_STANDSTILL_M_S
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
-from ttwmr_mj.dynamics.sampled_train import SLIP, SUBSTEP_S, SampledTrain
+from ttwmr_mj.dynamics.sampled.train import SLIP, SUBSTEP_S, SampledTrain
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, wrap

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.state import THETA1, THETA2, FloatArray
 

@@ -10,7 +10,7 @@ import numpy as np
 
 from ttwmr_mj.files import variable
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.scene import force_scale_m_n
+from ttwmr_mj.recording.scene.robot import force_scale_m_n
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.encode import check_format, write_video

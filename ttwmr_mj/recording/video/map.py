@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.outline import chassis, outline
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.outline import chassis, outline
 from ttwmr_mj.recording import style
-from ttwmr_mj.recording.poses import BodyPoses
+from ttwmr_mj.recording.scene.poses import BodyPoses
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.state import FloatArray

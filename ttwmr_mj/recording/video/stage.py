@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.files import variable
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.plants.joints import HEIGHT, Joints
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.plants.outline import chassis
-from ttwmr_mj.plants.relief import Relief
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.plants.model.joints import HEIGHT, Joints
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.outline import chassis
+from ttwmr_mj.plants.model.relief import Relief
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
-from ttwmr_mj.vision.camera.gl import make_context
+from ttwmr_mj.vision.camera.rendering.gl import make_context
 
 STEP_M = 0.016  # between two points of a drawn path
 # path → width [m], height over the floor [m], colour; they lie apart, else they flicker

@@ -2,7 +2,7 @@
 
 On a slope, with balls that resist or with a spring or damper in the hitch, F can still go where it
 should, but θ2 and P that carry it there are others. With θ̈2 = ((P'' − g_p)·n)/k + d (d: all but
-gravity, `dynamics.influence`),
+gravity, `dynamics.floor.influence`),
 
     F'' − g_p + k·d·n = a·t,
 
@@ -19,7 +19,7 @@ from ttwmr_mj.dynamics.flatness import (
     trailer_axes,
     velocity_behind,
 )
-from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back
 from ttwmr_mj.references.shared.hitched import has_spring, hitch_push, hitched
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters

@@ -25,8 +25,8 @@ from dataclasses import replace
 import numpy as np
 
 from ttwmr_mj.dynamics.flatness import dot, flat_output_acceleration, trailer_axes, velocity_behind
-from ttwmr_mj.dynamics.ground import GRAVITY_M_S2, LEVEL, Ground
-from ttwmr_mj.dynamics.influence import DRAG, GRAVITY, held_back, influence_of
+from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, LEVEL, Ground
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back, influence_of
 from ttwmr_mj.dynamics.kinematics import (
     constraint_residual,
     to_body,

@@ -10,11 +10,11 @@ from typing import Any
 from ttwmr_mj.errors import Fault, InputError, of_system
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.verdict import VERDICTS
-from ttwmr_mj.runs.foresight import foretold
-from ttwmr_mj.runs.lock import NAME as LOCK
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.lock import NAME as LOCK
+from ttwmr_mj.runs.files.lock import locked
+from ttwmr_mj.runs.files.new_folder import make_folder
+from ttwmr_mj.runs.judgement.foresight import foretold
 from ttwmr_mj.runs.many import Placed, batches, run_into_folders
-from ttwmr_mj.runs.new_folder import make_folder
 from ttwmr_mj.scenario.file import find_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.suite import Suite, SuiteRow, checked_scenarios, rows_of

@@ -11,8 +11,8 @@ from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.build import sample_reference
-from ttwmr_mj.runs.judged import judged
-from ttwmr_mj.runs.verdict import demands_of, verdict_on
+from ttwmr_mj.runs.judgement.judged import judged
+from ttwmr_mj.runs.judgement.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.bench.execute import row_folder, stored_row

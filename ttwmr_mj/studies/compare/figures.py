@@ -28,14 +28,14 @@ from ttwmr_mj.figures.style import (
 )
 from ttwmr_mj.results.curves import trailer_com
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.attribution import TRAILERS, unit_of
+from ttwmr_mj.studies.compare.explain.attribution import TRAILERS, unit_of
 from ttwmr_mj.studies.compare.text import NAMES, percent, symbols_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ttwmr_mj.studies.compare.attribution import Attribution, Contribution
-    from ttwmr_mj.studies.compare.convergence import Convergence
+    from ttwmr_mj.studies.compare.explain.attribution import Attribution, Contribution
+    from ttwmr_mj.studies.compare.explain.convergence import Convergence
     from ttwmr_mj.studies.compare.fit.fit import Fit
     from ttwmr_mj.studies.compare.pair import Pair
 

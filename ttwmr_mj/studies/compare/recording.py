@@ -9,23 +9,24 @@ import rerun as rr
 import rerun.blueprint as rrb
 from rerun.blueprint import Corner2D
 
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.plants.mjcf import build_model
-from ttwmr_mj.recording import key, layout, style
-from ttwmr_mj.recording.floor import floor_corners, lift
-from ttwmr_mj.recording.key import Entry, draw_key
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.recording import layout, style
 from ttwmr_mj.recording.layout import Range
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.rrd_file import RrdFile
-from ttwmr_mj.recording.scene import Scene, driven_paths, force_scale_m_n
+from ttwmr_mj.recording.scene import key
+from ttwmr_mj.recording.scene.floor import floor_corners, lift
+from ttwmr_mj.recording.scene.key import Entry, draw_key
+from ttwmr_mj.recording.scene.robot import Scene, driven_paths, force_scale_m_n
+from ttwmr_mj.recording.scene.target import TEXT_HEIGHT_M, distance
 from ttwmr_mj.recording.series import Series, SeriesLog, time_column, widened
-from ttwmr_mj.recording.target import TEXT_HEIGHT_M, distance
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.rrd_file import RrdFile
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.deviation import Deviation
+from ttwmr_mj.studies.compare.measures.deviation import Deviation
 from ttwmr_mj.studies.compare.pair import Pair
 
 GHOST = "world/analytic"  # the analytic model's robot

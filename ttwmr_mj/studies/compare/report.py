@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_text
-from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
+from ttwmr_mj.runs.files.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.studies.compare import text
-from ttwmr_mj.studies.compare.attribution import unit_of
-from ttwmr_mj.studies.compare.effects import EFFECTS
+from ttwmr_mj.studies.compare.explain.attribution import unit_of
+from ttwmr_mj.studies.compare.explain.effects import EFFECTS
 from ttwmr_mj.studies.pages.page import inlined, render
 
 Cells = list[list[Any]]

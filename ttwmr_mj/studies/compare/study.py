@@ -11,15 +11,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_json, write_parquet, write_text
-from ttwmr_mj.runs.folder import write_manifest, write_resolved
-from ttwmr_mj.runs.pace import Pace
+from ttwmr_mj.runs.closed_loop.pace import Pace
+from ttwmr_mj.runs.files.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.compare.attribution import Attribution, attribute
-from ttwmr_mj.studies.compare.convergence import Convergence, converge
+from ttwmr_mj.studies.compare.explain.attribution import Attribution, attribute
+from ttwmr_mj.studies.compare.explain.convergence import Convergence, converge
 from ttwmr_mj.studies.compare.fit.fit import Fit, fit
-from ttwmr_mj.studies.compare.gate import Breach, breaches, read_tolerances
+from ttwmr_mj.studies.compare.measures.gate import Breach, breaches, read_tolerances
 from ttwmr_mj.studies.compare.motion import run_contact
 from ttwmr_mj.studies.compare.pair import Mode, Pair, known_numbers, refuse_unlike, run_pair
 from ttwmr_mj.studies.compare.report import write_report
@@ -27,7 +27,7 @@ from ttwmr_mj.studies.compare.text import markdown, short_markdown
 from ttwmr_mj.studies.compare.variants import Progress
 
 if TYPE_CHECKING:
-    from ttwmr_mj.recording.live import LiveView
+    from ttwmr_mj.recording.stream.live import LiveView
     from ttwmr_mj.studies.compare.recording import ComparisonRecorder
 
 SCHEMA_VERSION = 1

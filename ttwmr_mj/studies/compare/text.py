@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator
 from typing import Any
 
-from ttwmr_mj.studies.compare.attribution import TRAILERS, unit_of
-from ttwmr_mj.studies.compare.effects import EFFECTS
+from ttwmr_mj.studies.compare.explain.attribution import TRAILERS, unit_of
+from ttwmr_mj.studies.compare.explain.effects import EFFECTS
 
 ROWS = (
     ("position_deviation_max_m", "P, largest deviation", 1e3, "mm"),

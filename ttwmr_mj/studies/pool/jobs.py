@@ -29,7 +29,7 @@ from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
 from ttwmr_mj.files import delete_drafts, scratch_folder, variable
-from ttwmr_mj.runs import signals
+from ttwmr_mj.runs.process import signals
 from ttwmr_mj.studies.pool.limits import reason_after
 from ttwmr_mj.studies.pool.preload import ask_for, load
 

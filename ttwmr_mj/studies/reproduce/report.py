@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.files import write_json, write_text
-from ttwmr_mj.runs.folder import LIBRARIES, git_commit, library_version
+from ttwmr_mj.runs.files.folder import LIBRARIES, git_commit, library_version
 from ttwmr_mj.runs.report import verdict_line
 from ttwmr_mj.studies.pages.page import inlined, render
 from ttwmr_mj.studies.reproduce.claims import friction

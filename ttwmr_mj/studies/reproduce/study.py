@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, MachineError, refused
-from ttwmr_mj.runs.lock import NAME as LOCK
-from ttwmr_mj.runs.lock import locked
-from ttwmr_mj.runs.progress import progress_bar
+from ttwmr_mj.runs.files.lock import NAME as LOCK
+from ttwmr_mj.runs.files.lock import locked
+from ttwmr_mj.runs.process.progress import progress_bar
 from ttwmr_mj.scenario.faults import suggestion
 from ttwmr_mj.studies.reproduce.claims.claims import CLAIMS, Judgement
 from ttwmr_mj.studies.reproduce.evidence import Evidence

@@ -15,7 +15,7 @@ import pyarrow as pa
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.runs.batch import run_batch
-from ttwmr_mj.runs.folder import library_version
+from ttwmr_mj.runs.files.folder import library_version
 from ttwmr_mj.runs.metrics import repeatable_metrics
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import shown_path

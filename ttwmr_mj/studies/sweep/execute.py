@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
-from ttwmr_mj.runs.lock import locked
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
 from ttwmr_mj.studies.sweep.folder.mend import drop_late, mend

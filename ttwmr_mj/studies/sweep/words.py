@@ -11,7 +11,7 @@ import numpy as np
 
 from ttwmr_mj.errors import TtwmrError
 from ttwmr_mj.runs.batch import run_batch
-from ttwmr_mj.runs.foresight import foreseen
+from ttwmr_mj.runs.judgement.foresight import foreseen
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.jobs import Done, Job, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD

@@ -8,11 +8,11 @@ import rerun.blueprint as rrb
 
 from ttwmr_mj.recording import layout, style
 from ttwmr_mj.recording.camera_view import ELLIPSE_SCALE, CameraView
-from ttwmr_mj.recording.key import Entry, draw_key
 from ttwmr_mj.recording.layout import Range
-from ttwmr_mj.recording.live import LiveView
-from ttwmr_mj.recording.rrd_file import RrdFile
+from ttwmr_mj.recording.scene.key import Entry, draw_key
 from ttwmr_mj.recording.series import Series, SeriesLog, widened
+from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.recording.stream.rrd_file import RrdFile
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.labels import LabelLayout
 from ttwmr_mj.vision.camera.model import CameraModel

@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.assets import models_folder
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.lens import CAMERA, LensMap
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions
-from ttwmr_mj.vision.camera.renderer import ROBOT_GROUP, RegionRenderer
+from ttwmr_mj.vision.camera.rendering.renderer import ROBOT_GROUP, RegionRenderer
 
 SQUARES = (7, 5)  # along and across
 SQUARE_M = 0.08

@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.names import hitches, trailer_part
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.plants.model.joints import Joints
+from ttwmr_mj.plants.model.names import hitches, trailer_part
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.options import LabelName
 

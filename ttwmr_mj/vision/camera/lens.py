@@ -8,7 +8,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import DISTORTION, CameraModel
-from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.rendering.region import Region
 
 Place = NDArray[np.float32]
 CAMERA = "sensing.camera"

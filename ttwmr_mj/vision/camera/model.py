@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 
 from ttwmr_mj.errors import InputError, shown
-from ttwmr_mj.plants.engine import mujoco
+from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.options import MOVES, CameraOptions
 

@@ -8,9 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from ttwmr_mj.plants.engine import mujoco
-from ttwmr_mj.plants.joints import Joints
-from ttwmr_mj.plants.names import trailer_part
+from ttwmr_mj.plants.model.engine import mujoco
+from ttwmr_mj.plants.model.joints import Joints
+from ttwmr_mj.plants.model.names import trailer_part
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import (
     DISTRACTOR_CLASS,
@@ -27,9 +27,9 @@ from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.noise import SensorNoise
 from ttwmr_mj.vision.camera.options import CameraOptions, Distractor, FadedLabel
 from ttwmr_mj.vision.camera.overlays import CIRCLE, GlareSpots, Occluders, circle_points, fill
-from ttwmr_mj.vision.camera.posture import Posture
-from ttwmr_mj.vision.camera.region import Region
-from ttwmr_mj.vision.camera.renderer import RegionRenderer
+from ttwmr_mj.vision.camera.rendering.posture import Posture
+from ttwmr_mj.vision.camera.rendering.region import Region
+from ttwmr_mj.vision.camera.rendering.renderer import RegionRenderer
 
 Past = Callable[[float], FloatArray]  # (nq,) generalized positions so many seconds ago
 MAX_INSTANTS = 32  # averaged for one exposure, however fast the robot
@@ -61,7 +61,7 @@ class VirtualCamera:
 
         Args:
             options: the camera, its sensor and its faults.
-            model: the scene, as of `plants.mjcf.build_model`; it is copied.
+            model: the scene, as of `plants.model.mjcf.build_model`; it is copied.
             rng: source of the sensor's noise.
             segmentation: whether frames carry the class of every pixel.
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from ttwmr_mj.state import BoolArray, FloatArray
 from ttwmr_mj.vision.camera.frame import Image, Pixels
 from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout
-from ttwmr_mj.vision.camera.region import Region
+from ttwmr_mj.vision.camera.rendering.region import Region
 
 Response = NDArray[np.float32]
 HUES = len(NAMES)

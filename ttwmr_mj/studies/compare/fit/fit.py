@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
-from ttwmr_mj.dynamics.extended import ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedParameters
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.state import FloatArray
-from ttwmr_mj.studies.compare.deviation import Deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
+from ttwmr_mj.studies.compare.measures.deviation import Deviation
 from ttwmr_mj.studies.compare.motion import ContactRun, replay_plain
 from ttwmr_mj.studies.compare.variants import Progress
 

@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.dynamics.extended import ExtendedModel
-from ttwmr_mj.dynamics.extended_train import extended_model
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.train import extended_model
 from ttwmr_mj.dynamics.kinematics import workspace_rate
 from ttwmr_mj.dynamics.servo import Stretches, cut, limit_speed
 from ttwmr_mj.state import THETA2, FloatArray

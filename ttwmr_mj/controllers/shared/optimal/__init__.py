@@ -1,0 +1,1 @@
+"""Tracking as a least-squares problem, and how it is solved."""

@@ -1,0 +1,1 @@
+"""The hybrid model with what a real robot adds to it."""

@@ -1,0 +1,1 @@
+"""What the robot drives on, and what that does to its balls."""

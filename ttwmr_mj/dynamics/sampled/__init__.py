@@ -1,0 +1,1 @@
+"""The hybrid model over one control period."""

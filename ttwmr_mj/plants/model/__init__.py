@@ -1,0 +1,1 @@
+"""The robot in MuJoCo: XML and parameters made into one MjModel."""

@@ -1,0 +1,1 @@
+"""How a recording reaches a file, and a viewer while it is written."""

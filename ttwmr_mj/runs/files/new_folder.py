@@ -1,0 +1,153 @@
+"""A folder of results: filled by one process, with the files of one run, or left as it was."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager, suppress
+from pathlib import Path
+
+from ttwmr_mj.errors import InputError, is_of_input, refused
+from ttwmr_mj.files import drafts, read_json
+from ttwmr_mj.runs.files.lock import NAME as LOCK
+from ttwmr_mj.runs.files.lock import locked
+
+_DRAWN = (
+    *("paths", "x", "y", "theta1", "theta2", "wheel_speeds", "errors", "hitch_angle", "signals"),
+    *("deviation", "slip", "residuals", "attribution", "contributions", "convergence", "fit"),
+)
+# all that run, drive, compare and track leave, and those who keep runs beside them
+OURS = (
+    *("scenario.resolved.toml", "manifest.json", "metrics.json", "row.json", "made_of.json"),
+    *("trajectory.parquet", "trajectory.arrows", "physics.parquet", "run.rrd"),
+    *(f"summary.{ending}" for ending in ("png", "svg", "pdf")),
+    *(f"figures/{name}.{ending}" for name in _DRAWN for ending in ("png", "svg")),
+    *(f"frames/{kind}/[0-9]*.png" for kind in ("images", "masks")),
+    "frames/annotations.json",
+    *("compare.json", "contact.parquet", "analytic.parquet", "attribution.parquet"),
+    *("fitted.toml", "report.html", "poses.parquet", "track.rrd"),
+)
+RECORDED = ("*.parquet", "*.arrows", "*.rrd")
+ASIDE = ".replaced"  # where what is replaced waits until there is something in its place
+
+
+@contextmanager
+def new_folder(folder: Path, force: bool) -> Iterator[None]:
+    """A folder for results, made if it is missing and held while the context lasts.
+
+    Where the input turns out to be wrong, or nothing had been recorded yet when the work ended by
+    an exception, the folder is as it was before.
+
+    Args:
+        folder: must be empty or absent.
+        force: replace the run that it holds, as a whole; files that are none of a run's stay.
+
+    Raises:
+        InputError: the folder holds something, is filled by another process, or cannot be made.
+    """
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        make_folder(folder)
+        with _held(folder), _replaced(folder, force):
+            yield
+    except BaseException:
+        for path in missing:
+            with suppress(OSError):
+                path.rmdir()  # what holds something stays
+        raise
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder, if it is missing.
+
+    Raises:
+        InputError: it cannot be made.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError.at(
+            "--out", f"cannot make the folder: {refused(error)}", got=str(folder)
+        ) from error
+
+
+def kept(folder: Path) -> str:
+    """What there is in a folder whose work was broken off, in words."""
+    if not folder.is_dir():
+        return f"{folder} is gone, with all that was in it"
+    if _is_complete(folder):
+        return f"the run is complete in {folder}, but for its figures"
+    if not _is_recorded(folder):
+        return "nothing was recorded"
+    scored = " and can be scored: ttwmr score {0}" if any(folder.glob("trajectory.*")) else ""
+    return f"what was recorded is in {folder}{scored}".format(folder)
+
+
+def _is_complete(folder: Path) -> bool:
+    try:
+        return bool(read_json(folder / "metrics.json")["status"] == "ok")
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def _is_recorded(folder: Path) -> bool:
+    return any(path for name in RECORDED for path in folder.glob(name))
+
+
+@contextmanager
+def _held(folder: Path) -> Iterator[None]:
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(locked(folder))
+        except OSError as error:
+            problem = f"nothing can be written in it: {error.strerror}"
+            raise InputError.at("--out", problem, got=str(folder)) from error
+        yield
+
+
+@contextmanager
+def _replaced(folder: Path, force: bool) -> Iterator[None]:
+    """Set the files of the old run aside, until it is known whether there is a new one."""
+    if not force and any(path.name != LOCK for path in folder.iterdir()):
+        hint = "give another one, or --force to replace the run in it"
+        raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
+    aside = folder / ASIDE
+    _delete(aside)  # of a process that was killed
+    _move(folder, aside)
+    try:
+        yield
+    except BaseException as error:
+        over = (folder / "metrics.json").is_file()  # what is wrong now is not the run
+        if not over and (is_of_input(error) or not _is_recorded(folder)):
+            _delete(folder)
+            _move(aside, folder)
+        raise
+    finally:
+        _delete(aside)
+
+
+def _files(folder: Path) -> list[Path]:
+    """The files of a run, half-written ones included, and what has their names: a pipe, a link."""
+    names = (name for ours in OURS for name in (ours, drafts(ours)))
+    return [path for name in names for path in folder.glob(name) if not path.is_dir()]
+
+
+def _move(folder: Path, into: Path) -> None:
+    for path in _files(folder):
+        target = into / path.relative_to(folder)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        path.replace(target)
+    _tidy(folder)
+
+
+def _delete(folder: Path) -> None:
+    for path in _files(folder):
+        path.unlink(missing_ok=True)
+    _tidy(folder)
+
+
+def _tidy(folder: Path) -> None:
+    """Without folders of ours that are empty now."""
+    inside = [folder / name for name in ("figures", "frames/images", "frames/masks", "frames")]
+    for path in [*inside, *([folder] if folder.name == ASIDE else [])]:
+        with suppress(OSError):
+            path.rmdir()

@@ -1,0 +1,148 @@
+"""What a scenario asks for and cannot get, said before it is run: where, when, and what would do.
+
+One function for every command; none of it stops a run, for a law may come close all the same.
+"""
+
+from collections.abc import Callable
+from decimal import ROUND_DOWN, ROUND_UP
+from functools import partial
+
+import numpy as np
+
+from ttwmr_mj.errors import Fault, rounded
+from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
+from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.runs.build import initial_state, sample_reference
+from ttwmr_mj.runs.judgement.verdict import demands_of
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.state import FloatArray
+
+WORTH_TELLING = 0.2  # of the pace, of what a trailer could follow were it slower
+SLOWER, TRIES = 0.97, 12  # by how much a pace is lowered that does not do, and how often
+OF_THE_TRAILER = (
+    "a flat_* reference or one made by `ttwmr plan` is a motion that the trailer follows"
+)
+
+
+def foreseen(scenario: Scenario) -> list[Fault]:
+    """What this robot cannot do of what the reference asks, longer than for a moment."""
+    reference = sample_reference(scenario)
+    overlapping = _overlapping(scenario, reference)
+    if reference is None:
+        return overlapping
+    until_end = reference.until(scenario.periods + 1)
+    asked = _demands(scenario, until_end)
+    end_s = float(until_end.time_s[-1])
+    broken = [d.fault(end_s, _hint(scenario, until_end, d)) for d in asked.broken]
+    return [*overlapping, *broken]
+
+
+def foretold(scenario: Scenario) -> list[str]:
+    """The same in a line each."""
+    return [f"{scenario.name}: {fault}" for fault in foreseen(scenario)]
+
+
+def _overlapping(scenario: Scenario, reference: ReferencePath | None) -> list[Fault]:
+    """Bodies of a train that overlap where it starts: contact physics throws them apart."""
+    if len(scenario.robot.trailers) == 1 or scenario.plant.kind != "contact":
+        return []
+    from ttwmr_mj.plants.model.overlap import overlaps_m
+
+    q = initial_state(scenario, reference).q
+    return [
+        Fault(
+            key=("robot", "trailers"),
+            problem=f"{one} and {other} overlap by {1e3 * depth_m:.2g} mm where they start",
+            hint="with a larger next_hitch_offset_m, or on other sides, they have room",
+        )
+        for (one, other), depth_m in overlaps_m(scenario.robot, scenario.plant.contact, q).items()
+    ]
+
+
+def _demands(scenario: Scenario, reference: ReferencePath) -> Feasibility:
+    """Of robot, floor and camera."""
+    asked = demands_of(scenario, reference)
+    assert asked is not None
+    seen = [_in_picture(scenario, reference)] if scenario.sensing.kind == "camera" else []
+    return Feasibility((*asked.checks, *seen))
+
+
+def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
+    """What would be feasible."""
+    if demand.name == "picture":
+        return "move the reference, make it smaller, or hang the camera higher"
+    broken = partial(_breaks, partial(demands_of, scenario), demand.name)
+    pace = feasible_pace(broken, reference)
+    trailer = demand.name == "free trailer"
+    if pace < (WORTH_TELLING if trailer else LEAST_PACE):
+        return _of_the_trailer(scenario) if trailer else "at no pace is it possible"
+    # stretched in time it is not the reference made anew, whose balls are held back as ever
+    for _ in range(TRIES):
+        options = _rounded_options(scenario, pace)
+        if not options or not _still_breaks(scenario, demand.name, options):
+            break
+        pace *= SLOWER
+    else:
+        return f"at less than {_rounded('', pace)} of the pace it may be possible"
+    told = ", ".join(f"reference.{name}={value}" for name, value in options.items())
+    slower = f"possible at {_rounded('', pace)} of the pace{f': {told}' if told else ''}"
+    return f"{slower}; {_of_the_trailer(scenario)}" if trailer else slower
+
+
+def _rounded_options(scenario: Scenario, pace: float) -> dict[str, str]:
+    options = scenario.reference.paced(pace)
+    return {name: _rounded(name, value) for name, value in options.items()}
+
+
+def _still_breaks(scenario: Scenario, name: str, options: dict[str, str]) -> bool:
+    """Whether a limit is broken by the reference with other options, too."""
+    values = {key: float(value) for key, value in options.items()}
+    other = scenario.model_copy(update={"reference": scenario.reference.model_copy(update=values)})
+    path = sample_reference(other)
+    end = scenario.periods + 1
+    return path is not None and _breaks(partial(demands_of, other), name, path.until(end))
+
+
+def _breaks(
+    demands: Callable[[ReferencePath], Feasibility | None], name: str, path: ReferencePath
+) -> bool:
+    asked = demands(path)
+    return asked is not None and not asked[name].kept
+
+
+def _of_the_trailer(scenario: Scenario) -> str:
+    """What the trailer could follow instead."""
+    if getattr(scenario.reference, "theta2", None) in ("aligned", "outward"):
+        return f"reference.theta2='none' asks nothing of the trailer; {OF_THE_TRAILER}"
+    return OF_THE_TRAILER
+
+
+def _rounded(name: str, value: float) -> str:
+    """Three digits; to the slower side, so that what is told is possible."""
+    up = name.endswith("_s") and not name.endswith(("rad_s", "m_s"))
+    return rounded(value, ROUND_UP if up else ROUND_DOWN)
+
+
+def _in_picture(scenario: Scenario, reference: ReferencePath) -> Demand:
+    """How far the labels are out of the picture, at their outer edges [px]."""
+    from ttwmr_mj.plants.model.mjcf import build_model
+    from ttwmr_mj.vision.camera.labels import read_layout
+    from ttwmr_mj.vision.camera.model import hang_camera
+
+    assert scenario.sensing.kind == "camera", "only then is there a picture"
+    model = build_model(scenario.robot, scenario.plant.contact)
+    layout = read_layout(model)
+    camera = hang_camera(model, scenario.sensing.camera)
+    q = _with_trailer(reference.q)
+    centre = camera.project(layout.centres_m(q))
+    radius = layout.radius_m / np.array([camera.metres_per_pixel(z) for z in layout.height_m])
+    size = np.array([camera.width_px, camera.height_px]) - 1.0
+    beyond = np.maximum(-centre, centre - size).max(axis=-1) + radius
+    along = Along(reference.time_s, reference.position_m)
+    return along.at_most("picture", "px", np.maximum(beyond, 0.0), 0.0, "sensing", "camera")
+
+
+def _with_trailer(q: FloatArray) -> FloatArray:
+    """Where θ2 is undefined the trailer counts as in line with the tractor."""
+    return np.concatenate([q[..., :3], np.where(np.isnan(q[..., 3:]), q[..., 2:3], q[..., 3:])], -1)

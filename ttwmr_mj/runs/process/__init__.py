@@ -1,0 +1,1 @@
+"""The process that runs, its terminal and its machine."""

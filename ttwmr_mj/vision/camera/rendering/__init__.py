@@ -1,0 +1,1 @@
+"""Pictures of the robot, rendered in parts of the picture plane."""
