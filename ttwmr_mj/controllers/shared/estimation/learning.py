@@ -7,9 +7,10 @@ An extended Kalman filter over what is measured of the trailer and what may act 
 w the unexplained θ̈2 that the observer has anyway, the rest as in `dynamics.floor.influence`. Each
 of these numbers enters θ̈2 linearly, with a factor that the motion gives: −n/k for gravity, v̂·n/k
 for rolling resistance, the hitch rate for viscous friction, its smoothed sign for dry friction.
-What the motion does not excite is not found: on a circle the hitch does not turn, so its friction stays
-as uncertain as before (and does nothing); gravity turns once a round in the trailer's frame, which
-tells it from all that turns with the trailer. `std` says how sure the filter is of each number.
+What the motion does not excite is not found: on a circle the hitch does not turn, so its friction
+stays as uncertain as before (and does nothing); gravity turns once a round in the trailer's frame,
+which tells it from all that turns with the trailer. `std` says how sure the filter is of each
+number.
 
 The covariance is propagated once a period along the newest state, whatever the measurement's age: a
 few periods more or less change the factors by a few per cent.
