@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet, kept_in, warn
+from ttwmr_mj.cli.shared import Quiet, kept_in, to_copy, warn
 from ttwmr_mj.errors import InputError, RunError, printable
 
 if TYPE_CHECKING:
@@ -197,4 +197,4 @@ class Sweep(Quiet, name="sweep"):
 
         for run in record(plan, folder, wish, workers=self.workers):
             if not self.quiet:
-                print(f"recorded: ttwmr view {run}")
+                print(f"recorded: {to_copy('view', run)}")
