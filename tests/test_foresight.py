@@ -152,3 +152,24 @@ def test_a_sweep_says_how_many_rows(tmp_path: Path) -> None:
         "1 of the 3 rows that were looked at asks for what the robot cannot do; row 2: reference: "
         "turns a wheel at 9.4" in done.stderr
     )
+
+
+def test_a_push_after_the_end_never_acts() -> None:
+    push = "plant.pushes=[{start_s=5.0, duration_s=0.1, force_n=[0.1, 0.0]}]"
+    assert foreseen(circle(push, "duration_s=10.0")) == []
+    (fault,) = foreseen(circle(push, "duration_s=5.0"))
+    assert fault.key == ("plant", "pushes", 0)
+    assert "never acts" in fault.problem
+
+
+def test_a_plan_is_not_told_to_be_planned() -> None:
+    (fault,) = foreseen(tt.load_scenario("double_eight"))
+    assert "a longer --duration asks for less" in fault.hint
+    assert "flat_*" not in fault.hint
+
+
+def test_no_pace_is_told_that_the_options_refuse() -> None:
+    """30 s of ramp become more than the 600 s that there may be."""
+    line = "reference={kind='straight_line', ramp_s=30.0, speed_m_s=5.3}"
+    (fault,) = foreseen(circle(line, "initial={kind='at_rest'}", "duration_s=19.0"))
+    assert fault.hint == "at no pace that the options of this reference allow is it possible"

@@ -55,6 +55,44 @@ def test_torques_balance_and_f_stays_on_its_path(name: str, side: str) -> None:
     np.testing.assert_allclose(dot(found.velocity_m_s, heading), speed, rtol=1e-12)
 
 
+@pytest.mark.parametrize("period_s", [0.033, 0.002, 0.001])
+def test_periods_of_any_length_have_the_same_motion(period_s: float) -> None:
+    """Differences over 1 or 2 ms are rounding for the most part."""
+    hitch = "robot.hitch={stiffness_n_m_rad=0.002, damping_n_m_s_rad=0.001}"
+    given = [hitch, "duration_s=6.0", f"control.sampling_time_s={period_s}"]
+    path = sample_reference(tt.load_scenario("outer_circle", given))
+    assert path is not None
+    robot = RobotParameters(hitch=HITCHES["both"])
+    phi = path.theta2_rad - path.theta1_rad
+    assert np.ptp(phi) < 1e-6
+    torque = robot.hitch.stiffness_n_m_rad * phi[0, 0]
+    assert np.abs(imbalance(path, robot)).max() < 1e-3 * torque
+    assert phi[0, 0] == pytest.approx(1.4316, abs=1e-4)  # of a free hitch it is π/2
+
+
+@pytest.mark.parametrize("turned_rad", np.arange(-3.0, 3.5, 0.5).tolist())
+@pytest.mark.parametrize("kind", ["flat_circle", "flat_ellipse"])
+def test_no_hitch_is_wound_up_wherever_the_motion_starts(kind: str, turned_rad: float) -> None:
+    """θ1 and θ2 may begin on both sides of π; a spring would feel the turn between them."""
+    size = f"radius_m=0.6, phase_rad={turned_rad}"
+    if kind == "flat_ellipse":
+        size = f"half_axes_m=[0.6, 0.5], tilt_rad={turned_rad}"
+    for side, rate in (("outside", 1.0), ("inside", -1.0)):
+        reference = f"{{kind='{kind}', {size}, angular_rate_rad_s={rate}, side='{side}'}}"
+        given = [f"reference={reference}", "robot.hitch.stiffness_n_m_rad=5e-4", "duration_s=2.0"]
+        path = sample_reference(tt.load_scenario("outer_circle", given))
+        assert path is not None
+        assert np.abs(path.theta2_rad - path.theta1_rad).max() < np.pi
+
+
+def test_no_hitch_of_a_train_is_wound_up() -> None:
+    for phase_rad in np.arange(-3.0, 3.5, 0.5):
+        given = [f"reference.phase_rad={phase_rad}", "duration_s=1.0"]
+        path = sample_reference(tt.load_scenario("triple_inverted", given))
+        assert path is not None
+        assert np.abs(np.diff(path.theta[0, 0])).max() <= np.pi
+
+
 def test_a_free_hitch_changes_nothing() -> None:
     path = ellipse(RobotParameters())
     np.testing.assert_allclose(carried(path, RobotParameters(), NOTHING).q, path.q, atol=1e-13)

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.flatness import point_behind
+from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.results.metrics import METRICS, score
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.verdict import judge
 from ttwmr_mj.robot import RobotParameters, Trailer
 
 # l = 0.3 m, K = 0.3 + 0.06/(1·0.3) = 0.5 m
@@ -190,3 +192,19 @@ def test_a_robot_that_stands_where_it_shall_is_not_near_a_singularity() -> None:
     rows.ref_q_rate[:, 0, :2] = 0.0
     rows.ref_q_rate[3, 0, 0] = 0.1
     assert score(rows, ROBOT)[0]["near_singular_share"] == pytest.approx(0.2)
+
+
+def test_a_part_of_a_run_has_halves_of_its_own() -> None:
+    """What a clock says at the start is no part of a run."""
+    rows = two()
+    late = replace(rows, time_s=rows.time_s + 100.0)
+    # what is weighted with the time, or is one, goes by the clock
+    names = [name for name in METRICS if "time" not in name and "itae" not in name]
+    for then, now in zip(score(rows, ROBOT), score(late, ROBOT), strict=True):
+        for name in names:
+            assert now[name] == pytest.approx(then[name], rel=1e-9), name
+    wide = AcceptOptions(settling_share=0.5)
+    for i in range(2):
+        pair = [judge(part.simulation(i), ROBOT, accept=wide) for part in (rows, late)]
+        assert pair[0].name == pair[1].name
+        assert pair[0].number == pytest.approx(pair[1].number, rel=1e-9)

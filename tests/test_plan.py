@@ -14,6 +14,7 @@ import ttwmr_mj as tt
 from ttwmr_mj.cli.commands.plan import PlanCommand
 from ttwmr_mj.cli.main import main, parse
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.planning.deliver import replaced
 from ttwmr_mj.planning.points import MOST_POINTS, read_points
 from ttwmr_mj.references.planned import Knots, Planned
 from ttwmr_mj.references.shared.feasibility import check_feasibility
@@ -302,6 +303,17 @@ def test_a_plan_is_made_anew_for_a_robot_that_the_scenarios_own_does_not_fit() -
     assert isinstance(wrong, PlanCommand)
     with pytest.raises(tt.InputError, match=r"controller\.odd: unknown key"):
         wrong._robot()
+
+
+def test_what_drives_a_plan_can_drive_it() -> None:
+    """Its files are found from anywhere, and its law can make the way."""
+    command = parse(["plan", "way.csv", "--scenario", "inverted_trailer_camera"])
+    assert isinstance(command, PlanCommand)
+    data = command._robot()[0]
+    assert Path(data["sensing"]["calibration_path"]).is_file()
+    assert data["controller"]["kind"] == "flatness"
+    assert replaced(data)["controller"]["kind"] == "flatness"
+    assert replaced(data, rests=True)["controller"]["kind"] == "tvlqr"
 
 
 def test_all_options_that_make_no_sense_are_told_at_once(

@@ -29,6 +29,7 @@ OPEN_LOOP = ['reference={kind="none"}', f'controller={{kind="open_loop",segments
 MOVED = "belief.camera.x_m=0.01"
 CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
 PUSH = "plant.pushes=[{start_s=1.0,duration_s=0.1,force_n=[1.0,0.0]}]"
+BRIEF = "plant.pushes=[{start_s=0.34, duration_s=0.02, force_n=[0.1, 0.3]}]"
 ANALYTIC = "plant.kind=analytic"
 CAMERA = 'sensing={kind="camera"}'
 TRAIN = "robot.trailers=[{next_hitch_offset_m=0.3},{}]"
@@ -119,6 +120,9 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "control.sampling_time_s",
             "nearest: 0.0005",
         ),
+    ],
+    "pushes": [
+        ([PUSH], [BRIEF], "plant.pushes.0.duration_s", "at least one control period, 0.033 s")
     ],
     "motor_timing": [
         ([motor(0.001, 0.01, 0.002)], [motor(*faulty)], key, words)

@@ -291,6 +291,9 @@ def test_a_key_of_another_kind_says_how_the_kind_is_changed() -> None:
     for whole in re.findall(r"--set '(controller=\{[^']*\})'", text):  # what it says to do helps
         changed = load_scenario("outer_circle", [whole])
         assert changed.controller.kind in ("lyapunov", "tvlqr")
+    needed = 'reference={kind="straight_line", speed_m_s=...}\''
+    with pytest.raises(InputError, match=re.escape(needed)):
+        load_scenario("lab_circle", ["reference.speed_m_s=0.2"])
     with pytest.raises(InputError) as told:  # which no kind has
         load_scenario("lab_circle", ["controller.alpha9=3.0"])
     assert "it belongs to" not in str(told.value)

@@ -73,6 +73,19 @@ def wrap(angle_rad: FloatArray) -> FloatArray:
     return (angle_rad + np.pi) % TWO_PI - np.pi
 
 
+def hitches_unwound(theta: FloatArray) -> FloatArray:
+    """The same motion of θ1, θ2, … (n, ..., 1 + trailers), with no hitch wound up at its start.
+
+    Whole turns are taken off the trailers, so that each begins within π of what tows it: a hitch's
+    spring feels every turn.
+    """
+    start = theta[:1]
+    hitches = np.diff(start, axis=-1)
+    turns = np.zeros_like(start)
+    turns[..., 1:] = np.add.accumulate(np.round((hitches - wrap(hitches)) / TWO_PI), axis=-1)
+    return np.asarray(theta - TWO_PI * turns)
+
+
 def unwrap_near(angle_rad: FloatArray, previous_rad: FloatArray) -> FloatArray:
     """The representative of each angle that lies within π of the previous one [rad]."""
     return previous_rad + wrap(angle_rad - previous_rad)

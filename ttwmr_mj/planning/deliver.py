@@ -96,15 +96,28 @@ def _title(out: Path, request: Request, end_s: float) -> str:
     return f"{scenario_name(out)}: {count} points, {how} {end_s:.3g} s"
 
 
-def replaced(base: Mapping[str, Any], reference: Mapping[str, Any] = CIRCLE) -> dict[str, Any]:
-    """The tables that a plan replaces in a scenario's data; a circle stands in for the plan."""
+def replaced(
+    base: Mapping[str, Any], reference: Mapping[str, Any] = CIRCLE, *, rests: bool = False
+) -> dict[str, Any]:
+    """The tables that a plan replaces in a scenario's data; a circle stands in for the plan.
+
+    Of one that rests, where F does not accelerate, flatness cannot make the way.
+    """
     controller = base.get("controller", {})
-    steers = isinstance(controller, dict) and controller.get("kind") in STEERING
+    steers = isinstance(controller, dict) and controller.get("kind") in STEERING[rests:]
     return {
         "initial": {"kind": "on_reference"},
         "reference": dict(reference),
         "controller": dict(controller) if steers else {"kind": "tvlqr"},
     }
+
+
+def located(given: Any, found: Any) -> Any:
+    """A scenario's data with its files named from anywhere, as the checked scenario has them."""
+    if isinstance(given, dict) and isinstance(found, dict):
+        return {key: located(value, found.get(key)) for key, value in given.items()}
+    names = isinstance(given, str) and isinstance(found, str) and Path(found).is_absolute()
+    return found if names else given
 
 
 def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]) -> str:
@@ -117,7 +130,8 @@ def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]
         "duration_s": round(duration, 2),
     }
     kept = {key: value for key, value in base.items() if key not in {*told, "accept"}}
-    data = kept | replaced(base, {"kind": "planned", "plan": out.name})
+    planned = {"kind": "planned", "plan": out.name}
+    data = kept | replaced(base, planned, rests=not request.closed)
     plain = {key: value for key, value in data.items() if not isinstance(value, dict)}
     tables = {key: value for key, value in data.items() if isinstance(value, dict)}
     head = [

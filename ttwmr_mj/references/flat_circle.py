@@ -12,7 +12,7 @@ from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Angle, Length, Rate
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import FloatArray, hitches_unwound
 
 
 class FlatCircle(FlatReference):
@@ -56,6 +56,7 @@ class FlatCircle(FlatReference):
         theta = radius[:, None] + (start - 2.0 * np.pi * np.floor(start / (2.0 * np.pi) + 0.5))
         # the first of each angle in (−π, π]
         theta -= 2.0 * np.pi * np.ceil((theta[:1] - np.pi) / (2.0 * np.pi))
+        theta = hitches_unwound(theta)
         turn = radius[:, None] + 0.5 * np.pi * np.arange(5)
         spun = np.asarray(rate ** np.arange(5) * np.exp(1j * turn), dtype=np.complex128)
         whole = np.ones((len(time_s), 1))

@@ -248,7 +248,7 @@ def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]
 def _score(rows: Trajectory, robot: RobotParameters) -> Metrics:
     """All metrics of a batch of one."""
     time_s, samples = rows.time_s, _samples(rows, robot)
-    half = int(np.argmax(time_s >= 0.5 * time_s[-1]))
+    half = int(np.argmax(time_s >= 0.5 * (time_s[0] + time_s[-1])))
     numbers: Metrics = {}
     for name, metric in METRICS.items():
         start = half if name.startswith("steady_") else 0

@@ -236,13 +236,14 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
         "theta2_rad": np.abs(curves.theta_error_rad[..., 1:]).max(axis=-1),
     }
     time_s = rows.time_s
-    end = int(np.argmax(time_s >= (1.0 - END_SHARE) * time_s[-1]))
+    since_s = time_s - time_s[0]  # of a part of a run, too
+    end = int(np.argmax(since_s >= (1.0 - END_SHARE) * since_s[-1]))
     for measure, batch in values.items():
         error = batch[:, 0]
         if not np.isfinite(error).any():
             continue
         lasting = getattr(accept, f"transient_{measure}")
-        allowed = _allowed(error, time_s, lasting, accept.settling_share)
+        allowed = _allowed(error, since_s, lasting, accept.settling_share)
         share = np.nan_to_num(error / allowed)
         k = int(share.argmax())
         yield Error(measure, float(np.nan_to_num(error)[k]), float(allowed[k]), float(time_s[k]))
@@ -252,11 +253,11 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
 
 
 def _allowed(
-    error: FloatArray, time_s: FloatArray, lasting: float, settling_share: float
+    error: FloatArray, since_s: FloatArray, lasting: float, settling_share: float
 ) -> FloatArray:
     """(n,) what an error (n,) may be: its start, worked off evenly, then the lasting limit."""
     start = GROWTH * error[np.isfinite(error)][0]
-    left = 1.0 - time_s / max(settling_share * time_s[-1], np.finfo(float).tiny)
+    left = 1.0 - since_s / max(settling_share * since_s[-1], np.finfo(float).tiny)
     return np.asarray(lasting + max(start - lasting, 0.0) * np.maximum(left, 0.0))
 
 

@@ -276,6 +276,7 @@ CHECKS = (
     ),
     Check(_frames, ("sensing.kind", "output")),
     Check(timing.physics_steps, ("plant.kind", "control", STEP)),
+    Check(timing.pushes, ("plant.pushes", "control")),
     Check(timing.motor_timing, ("plant.kind", "robot.servo", "control", STEP)),
     Check(_torques, ("controller", "control")),
     Check(_torque_input, ("plant.kind", "plant.analytic", "control")),

@@ -106,16 +106,21 @@ def _of_another_kind(keys: Keys, location: Keys, root: type[BaseModel]) -> str:
     schema: Node = _schema(root)
     section = _place(location[:-2], root)[2]  # a pydantic location ends with tag and key
     members = section.get("discriminator", {}).get("mapping", {})
-    kind = location[-2] if len(location) > 1 else ""
+    kind = str(location[-2]) if len(location) > 1 else ""
     tables = {name: _resolved({"$ref": node}, schema) for name, node in members.items()}
     owners = [name for name, table in tables.items() if keys[-1] in table["properties"]]
     if kind not in members or not owners:
         return ""
-    table = ".".join(map(str, keys[:-1]))
+    name = ".".join(map(str, keys[:-1]))
+
+    def whole(one: str) -> str:
+        needed = [f"{key}=..." for key in tables[one].get("required", ()) if key != "kind"]
+        inside = ", ".join([f'kind="{one}"', *needed])
+        return f"--set '{name}={{{inside}}}'"
+
     return (
         f"it belongs to {', '.join(owners)}, and the kind here is {kind}; a whole table changes "
-        f"the kind: --set '{table}={{kind=\"{owners[0]}\"}}', or for {kind} without such keys "
-        f"--set '{table}={{kind=\"{kind}\"}}'"
+        f"the kind: {whole(owners[0])}, or for {kind} without such keys {whole(kind)}"
     )
 
 

@@ -39,6 +39,16 @@ def motor_timing(scenario: Scenario) -> Iterable[Fault]:
         yield from _whole_steps(("control", key), getattr(scenario.control, key), loop, loop_key)
 
 
+def pushes(scenario: Scenario) -> Iterable[Fault]:
+    """Of at least one control period, in which alone they begin and end."""
+    period = scenario.control.sampling_time_s
+    for i, push in enumerate(scenario.plant.pushes):
+        if push.duration_s < period - 1e-9:
+            key = ("plant", "pushes", i, "duration_s")
+            allowed = f"at least one control period, {rounded(period, ROUND_CEILING, 12)} s"
+            yield Fault(key=key, got=f"{push.duration_s:g}", allowed=allowed)
+
+
 def latency(scenario: Scenario) -> Iterable[Fault]:
     """Of measurements: control periods."""
     sensing, period = scenario.sensing, scenario.control.sampling_time_s

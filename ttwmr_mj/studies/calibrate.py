@@ -78,12 +78,10 @@ def write_board(path: Path) -> None:
         InputError: no such format.
         OSError: the file cannot be written.
     """
-    try:
-        encoded, content = cv2.imencode(path.suffix, board_print())
-    except cv2.error:  # no such format
-        encoded = False
-    if not encoded:
-        raise InputError.at("--board", got=str(path), allowed=f"a file that ends in {SUFFIXES[0]}")
+    if path.suffix.lower() not in SUFFIXES:
+        allowed = f"a file that ends in {', '.join(SUFFIXES)}"
+        raise InputError.at("--board", got=str(path), allowed=allowed)
+    _, content = cv2.imencode(path.suffix, board_print())
     write_bytes(path, content.tobytes())
 
 

@@ -143,7 +143,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
         """Data of the scenario it is driven in, the robot and the limits."""
-        from ttwmr_mj.planning.deliver import replaced
+        from ttwmr_mj.planning.deliver import located, replaced
         from ttwmr_mj.planning.limits import limits_of
         from ttwmr_mj.robot import RobotParameters
         from ttwmr_mj.scenario.file import check_scenario
@@ -156,6 +156,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         data, file = self._data(), self._file()
         scenario = check_scenario(data | replaced(data), str(file), file.parent)
         friction = scenario.plant.contact.floor_friction
+        data = located(data, scenario.model_dump())
         return data, scenario.robot, limits_of(scenario.robot, friction, **wish)
 
     def _file(self) -> Path:

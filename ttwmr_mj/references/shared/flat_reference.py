@@ -11,7 +11,7 @@ from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Point, Reference
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import FloatArray, hitches_unwound
 
 FLAT_ORDERS = 7  # F and six derivatives: they give P and both angles to the fourth
 Side = Literal["outside", "inside"]
@@ -75,7 +75,7 @@ class FlatReference(Reference):
         return ReferencePath(
             time_s=time_s,
             derivatives=motion.position[:, None, :5],
-            theta=np.unwrap(theta[:, :, 0], axis=0),
+            theta=hitches_unwound(np.unwrap(theta[:, :, 0], axis=0)),
             theta_rate=theta[:, :, 1],
             theta_acceleration=theta[:, :, 2],
             flat_derivatives=flat[:, None, :5],

@@ -11,7 +11,10 @@ samples of the reference, by Gauss-Newton steps. What is left of the equation is
 ROUGH_S2²·ω⁴ of the addition, 2e-7 of it at 2 rad/s.
 """
 
+import math
+
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.sparse import csc_array, dia_array
 from scipy.sparse.linalg import spsolve
 
@@ -21,6 +24,8 @@ from ttwmr_mj.state import FloatArray, wrap
 
 MOST_STEPS, CONVERGED_RAD = 20, 1e-9
 ROUGH_S2 = 1e-4
+LEAST_SAMPLES = 8
+LEAST_STEP_S = 5e-3  # second differences over less are rounding, which does not converge
 BAND, PROBE_RAD = 2, 1e-6  # samples that a residual reaches to either side; of the differences
 
 
@@ -52,6 +57,25 @@ def hitched(
         gravity: (batch, 2) g_p.
         robot: with one trailer.
     """
+    step_s = float(time_s[1] - time_s[0])
+    stride = min(math.ceil(LEAST_STEP_S / step_s - 1e-9), len(time_s) // LEAST_SAMPLES)
+    coarse = slice(None, None, max(1, stride))
+    added = _added(time_s[coarse], flat[coarse], theta2[coarse], gravity, robot)
+    if added is None:
+        return None
+    if len(added) < len(time_s):
+        added = np.asarray(CubicSpline(time_s[coarse], added)(time_s))
+    return _Problem(step_s, flat, theta2, gravity, robot).push(added)
+
+
+def _added(
+    time_s: FloatArray,
+    flat: FloatArray,
+    theta2: FloatArray,
+    gravity: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray | None:
+    """(n, batch) what spring and damper add to θ2; arguments as of `hitched`."""
     problem = _Problem(float(time_s[1] - time_s[0]), flat, theta2, gravity, robot)
     added = np.zeros(theta2.shape[:2])
     with np.errstate(all="ignore"):  # what diverges is given up below
@@ -61,7 +85,7 @@ def hitched(
                 return None
             added = added + step
             if np.abs(step).max() < CONVERGED_RAD:
-                return problem.push(added)
+                return added
     return None
 
 

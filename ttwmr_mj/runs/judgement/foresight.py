@@ -8,6 +8,7 @@ from decimal import ROUND_DOWN, ROUND_UP
 from functools import partial
 
 import numpy as np
+from pydantic import ValidationError
 
 from ttwmr_mj.errors import Fault, rounded
 from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
@@ -28,19 +29,31 @@ OF_THE_TRAILER = (
 def foreseen(scenario: Scenario) -> list[Fault]:
     """What this robot cannot do of what the reference asks, longer than for a moment."""
     reference = sample_reference(scenario)
-    overlapping = _overlapping(scenario, reference)
+    at_once = [*_overlapping(scenario, reference), *_pushes_too_late(scenario)]
     if reference is None:
-        return overlapping
+        return at_once
     until_end = reference.until(scenario.periods + 1)
     asked = _demands(scenario, until_end)
     end_s = float(until_end.time_s[-1])
     broken = [d.fault(end_s, _hint(scenario, until_end, d)) for d in asked.broken]
-    return [*overlapping, *broken]
+    return [*at_once, *broken]
 
 
 def foretold(scenario: Scenario) -> list[str]:
     """The same in a line each."""
     return [f"{scenario.name}: {fault}" for fault in foreseen(scenario)]
+
+
+def _pushes_too_late(scenario: Scenario) -> list[Fault]:
+    return [
+        Fault(
+            key=("plant", "pushes", i),
+            problem=f"starts at {push.start_s:g} s, when the run is over: it never acts",
+            hint=f"start it before duration_s = {scenario.duration_s:g} s",
+        )
+        for i, push in enumerate(scenario.plant.pushes)
+        if push.start_s >= scenario.duration_s
+    ]
 
 
 def _overlapping(scenario: Scenario, reference: ReferencePath | None) -> list[Fault]:
@@ -84,7 +97,7 @@ def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
             break
         pace *= SLOWER
     else:
-        return f"at less than {_rounded('', pace)} of the pace it may be possible"
+        return "at no pace that the options of this reference allow is it possible"
     told = ", ".join(f"reference.{name}={value}" for name, value in options.items())
     slower = f"possible at {_rounded('', pace)} of the pace{f': {told}' if told else ''}"
     return f"{slower}; {_of_the_trailer(scenario)}" if trailer else slower
@@ -98,7 +111,11 @@ def _rounded_options(scenario: Scenario, pace: float) -> dict[str, str]:
 def _still_breaks(scenario: Scenario, name: str, options: dict[str, str]) -> bool:
     """Whether a limit is broken by the reference with other options, too."""
     values = {key: float(value) for key, value in options.items()}
-    other = scenario.model_copy(update={"reference": scenario.reference.model_copy(update=values)})
+    try:
+        made = type(scenario.reference).model_validate(scenario.reference.model_dump() | values)
+    except ValidationError:  # beyond the limits of a key
+        return True
+    other = scenario.model_copy(update={"reference": made})
     path = sample_reference(other)
     end = scenario.periods + 1
     return path is not None and _breaks(partial(demands_of, other), name, path.until(end))
@@ -113,6 +130,11 @@ def _breaks(
 
 def _of_the_trailer(scenario: Scenario) -> str:
     """What the trailer could follow instead."""
+    if scenario.reference.kind == "planned":
+        return (
+            "a plan is exact at its rows, and between them a law makes up for this; one that is "
+            "made with a longer --duration asks for less"
+        )
     if getattr(scenario.reference, "theta2", None) in ("aligned", "outward"):
         return f"reference.theta2='none' asks nothing of the trailer; {OF_THE_TRAILER}"
     return OF_THE_TRAILER

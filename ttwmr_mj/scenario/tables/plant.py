@@ -47,7 +47,10 @@ class PushOptions(Config):
         description="simulated time at which the push starts; typically 5 to 15",
     )
     duration_s: float = Field(
-        ge=1e-12, le=MAX_DURATION_S, description="duration of the push; typically 0.1 to 1"
+        ge=1e-12,
+        le=MAX_DURATION_S,
+        description="duration of the push, which acts in every control period that begins within "
+        "it: at least one period; typically 0.1 to 1",
     )
     force_n: Point = Field(
         description="force (x, y) in the world frame; typically 0.5, the robot's weight is 12 N"
