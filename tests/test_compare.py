@@ -187,7 +187,7 @@ def test_the_lab_circle_deviates_by_less_than_a_thousandth_of_its_path(mode: Any
 @pytest.mark.parametrize(("mode", "share"), [("open_loop", 0.05), ("closed_loop", 0.5)])
 def test_the_extended_model_is_compared_where_the_scenario_has_it(mode: Any, share: float) -> None:
     """It knows the slip and the servo's lag that most of the deviation is from."""
-    scenario = load_scenario("lab_circle", ["duration_s=3.0"])
+    scenario = load_scenario("lab_circle", ["duration_s=1.5"])
     expected = ExtendedParameters.expected(scenario.robot).model_dump() | {"slip_time_s": 7.5e-4}
     extended = changed(scenario, {"plant.analytic.extended": expected})
     off = [run_pair(one, mode).numbers["position_deviation_max_m"] for one in (scenario, extended)]

@@ -183,6 +183,7 @@ def test_one_progress_bar_is_split_over_the_parts() -> None:
         part(0.5)  # nobody looks
 
 
+@pytest.mark.slow
 def test_a_run_in_which_nothing_moves_is_no_fault(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

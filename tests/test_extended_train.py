@@ -208,6 +208,7 @@ def test_dry_friction_holds_what_it_can_and_slows_the_rest() -> None:
     np.testing.assert_allclose(end[6:], 0.5, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_hitches_that_stick_and_slip_do_so_in_long_steps_as_in_short_ones() -> None:
     """From where every hitch is at rest, on circles that hold some of them and turn others."""
     robot = robot_with(2, lateral_m=0.0).model_copy(update={"hitches": (Hitch(),) * 2})

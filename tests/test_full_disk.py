@@ -95,6 +95,7 @@ def test_files_are_there_or_not(line: str, left: list[str], tmp_path: Path) -> N
     assert ended.left == ["./filler", *left]
 
 
+@pytest.mark.slow
 def test_what_libraries_keep_for_later_may_find_no_room(tmp_path: Path) -> None:
     """OpenGL's shaders in a file that is mapped into memory, Matplotlib's list of fonts."""
     caches = "export XDG_CACHE_HOME=$PWD/cache MPLCONFIGDIR=$PWD/fonts; "

@@ -32,12 +32,12 @@ PHASES = {  # what is being done when the signal comes → what is told of what 
 
 @pytest.fixture(autouse=True)
 def as_in_a_terminal() -> Iterator[None]:
-    """What a shell runs in its background ignores SIGINT, and under nohup SIGHUP."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    hangup = signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    """What a shell runs in its background ignores SIGINT and SIGQUIT, and under nohup SIGHUP."""
+    before = {n: signal.signal(n, signal.SIG_DFL) for n in (signal.SIGQUIT, signal.SIGHUP)}
+    before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
     yield
-    signal.signal(signal.SIGINT, before)
-    signal.signal(signal.SIGHUP, hangup)
+    for signum, handler in before.items():
+        signal.signal(signum, handler)
 
 
 ENDS = [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1]
