@@ -43,6 +43,7 @@ def estimation_errors_m(trajectory: Trajectory) -> np.ndarray:
     return np.hypot(*(trajectory.est_q - trajectory.q)[:, 0, :2].T)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_bits_and_another_does_not() -> None:
     runs = [drive("lab_circle_camera", "duration_s=1.0", f"seed={seed}") for seed in (4, 4, 5)]
     assert np.array_equal(runs[0].est_q, runs[1].est_q)

@@ -130,6 +130,7 @@ def test_nor_any_other_value_of_it(strange: str, tmp_path: Path) -> None:
     assert ttwmr(tmp_path, "run", "lab_circle", *SHORT, **more).returncode == 0
 
 
+@pytest.mark.slow
 def test_no_variable_chooses_for_the_camera(tmp_path: Path) -> None:
     strange = {"PYOPENGL_PLATFORM": "garbage", "SOURCE_DATE_EPOCH": "9" * 30}
     done = ttwmr(tmp_path, "run", "lab_circle_camera", "--quiet", *SHORT, **strange)

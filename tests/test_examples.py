@@ -56,6 +56,7 @@ def test_a_script_runs_and_says_what_its_page_says(
     assert re.search(SAID[script.stem], told.getvalue()), told.getvalue()
 
 
+@pytest.mark.slow
 def test_a_script_runs_by_itself(tmp_path: Path) -> None:
     command = [sys.executable, "-W", "ignore", str(EXAMPLES / "free_trailer.py")]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)

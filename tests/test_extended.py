@@ -207,7 +207,11 @@ def test_steps_beyond_the_stability_limit_are_rejected(stiffness: float, damping
 
 @pytest.mark.parametrize(
     ("name", "lever_m"),
-    [("open_loop_turn", 1e-4), ("open_loop_turn", 1e-2), ("two_trailers_turn", 1e-4)],
+    [
+        ("open_loop_turn", 1e-4),
+        ("open_loop_turn", 1e-2),
+        pytest.param("two_trailers_turn", 1e-4, marks=pytest.mark.slow),
+    ],
 )
 def test_balls_that_resist_bring_the_trailers_to_rest(name: str, lever_m: float) -> None:
     """With steps of 33 ms a ball nearly at rest would be thrown to and fro for ever."""

@@ -140,6 +140,7 @@ def test_bench_says_it_once_for_all_laws(tmp_path: Path) -> None:
     assert "warning" not in done.stderr
 
 
+@pytest.mark.slow
 def test_a_sweep_says_how_many_rows(tmp_path: Path) -> None:
     (tmp_path / "s.toml").write_text(
         'name = "s"\nscenario = "lab_circle"\nseeds = [0]\n'

@@ -66,6 +66,7 @@ def on_small_disk(tmp_path: Path, size: str, line: str) -> Ended:
     return Ended(done.returncode, done.stderr, (tmp_path / "left").read_text().split())
 
 
+@pytest.mark.slow
 def test_a_recorded_run_keeps_what_it_had(tmp_path: Path) -> None:
     words = "ttwmr run lab_circle --out out --quiet --set duration_s=100.0"
     ended = on_small_disk(tmp_path, "600k", words)

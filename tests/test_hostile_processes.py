@@ -176,6 +176,7 @@ def _stopped(processes: list[str]) -> bool:
     return any(words.rpartition(")")[2].split()[0] == "T" for words in told)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("place", ["at_making", "at_command"])
 def test_a_row_that_is_interrupted_is_not_stored_as_its_laws_failure(
     place: str, tmp_path: Path

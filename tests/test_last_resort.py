@@ -62,6 +62,7 @@ def test_streams_and_words(line: str, code: int, told: str, tmp_path: Path) -> N
         assert done.stderr == ""
 
 
+@pytest.mark.slow
 def test_an_ascii_locale_prints_escapes_and_reads_words(tmp_path: Path) -> None:
     done = shell("ttwmr export-schema", tmp_path, **PLAIN)
     assert (done.returncode, done.stderr) == (0, "")

@@ -226,6 +226,7 @@ def test_robots_that_no_longer_stand_are_told(changes: list[str], verdict: str, 
     assert metrics["slipping_share"] == (rows.wheel_slip_m_s > 0.03).mean()
 
 
+@pytest.mark.slow
 def test_a_trailer_that_lifts_a_wheel_is_told() -> None:
     overrides = ["robot.trailer.mass_kg=10.0", "duration_s=5.0"]
     (verdict,) = tt.simulate(tt.load_scenario("inverted_trailer", overrides)).verdicts

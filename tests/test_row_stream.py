@@ -153,6 +153,7 @@ def test_what_is_no_run_is_not_scored(tmp_path: Path, capsys: pytest.CaptureFixt
     assert "there is no trajectory.parquet and no trajectory.arrows" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_kill_9_loses_no_row_that_was_reported(tmp_path: Path) -> None:
     words = ["run", "lab_circle", "--out", "out", "--set", "duration_s=3600.0"]
     process = subprocess.Popen(

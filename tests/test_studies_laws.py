@@ -62,6 +62,7 @@ def suite(sets: dict[str, str]) -> None:
     Path("laws.toml").write_text(f'name = "laws"\n[task.short]\nscenario = "short.toml"\n{told}')
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("command", "write"), [("sweep", sweep), ("bench", suite)])
 def test_laws_that_cannot_be_loaded_are_refused_all_at_once_and_as_run_does(
     command: str,

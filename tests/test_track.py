@@ -151,6 +151,7 @@ def test_a_video_that_is_cut_off_is_no_success(
     assert ttwmr(*words, "--frames", "2", "--force", cwd=tmp_path).returncode == 0
 
 
+@pytest.mark.slow
 def test_calibrate_reaches_a_tenth_of_the_allowed_error(tmp_path: Path) -> None:
     done = ttwmr("calibrate", "lab_circle_camera", "--out", "mine.yaml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr

@@ -101,6 +101,7 @@ def first_command(scenario: tt.Scenario) -> FloatArray:
     return controller.command(0, seen).wheel_speed_rad_s
 
 
+@pytest.mark.slow
 def test_near_the_reference_plans_are_the_gains() -> None:
     """With the LQR's cost beyond the horizon, which then makes no difference to first order."""
     errors = []

@@ -83,6 +83,7 @@ def test_latency_is_compensated(latency: int) -> None:
     assert np.sqrt((run.rate_error[10:, 2:] ** 2).mean()) < 0.02
 
 
+@pytest.mark.slow
 def test_innovations_are_as_large_as_the_filter_believes(monkeypatch: pytest.MonkeyPatch) -> None:
     nis: list[tuple[float, int]] = []  # normalised innovation squared, degrees of freedom
 

@@ -20,6 +20,7 @@ def unseen(count: int, swing_rad_s: float) -> Gaussian:
     return state
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2])
 def test_what_nobody_sees_for_long_stays_a_distribution(count: int) -> None:
     """The variance of a trailer that falls would grow by e⁷⁰⁰ and more; the tractor's does not."""
