@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, LEVEL, Ground
 from ttwmr_mj.dynamics.floor.influence import DRAG, influence_of
 from ttwmr_mj.plants.analytic import AnalyticPlant

@@ -11,7 +11,7 @@ import pytest
 from comparisons import TURN, open_loop, run_commands
 from test_hybrid import swing_energy
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedParameters
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.compare.measures.deviation import Deviation

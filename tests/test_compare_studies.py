@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from comparisons import TURN, open_loop, run_commands
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.schema import Scenario

@@ -8,7 +8,8 @@ import pytest
 from ttwmr_mj.api import simulate
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import hitch, kinematics, kinetics
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.extended import ExtendedPlant

@@ -10,7 +10,8 @@ from comparisons import open_loop
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics import kinematics, kinetics, train
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.extended.train import ExtendedTrain, extended_model
 from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.servo import Stretches

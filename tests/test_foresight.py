@@ -174,3 +174,13 @@ def test_no_pace_is_told_that_the_options_refuse() -> None:
     line = "reference={kind='straight_line', ramp_s=30.0, speed_m_s=5.3}"
     (fault,) = foreseen(circle(line, "initial={kind='at_rest'}", "duration_s=19.0"))
     assert fault.hint == "at no pace that the options of this reference allow is it possible"
+
+
+def test_of_a_pace_that_is_not_found_no_more_is_told_than_is_known() -> None:
+    """A flat ellipse turns P about its ends however slowly it is driven."""
+    ellipse = "{kind='flat_ellipse', half_axes_m=[0.001, 2.0], angular_rate_rad_s=1.0}"
+    given = [f"reference={ellipse}", "world=unkind", "duration_s=5.0"]
+    hints = [fault.hint for fault in foreseen(tt.load_scenario("outer_circle", given))]
+    assert "a faster one, or weaker forces, may have room" in hints[0]  # it is a flat_* already
+    (told,) = [hint for hint in hints if "may be possible" in hint]
+    assert re.fullmatch(r"at less than 0\.0\d+ of the pace it may be possible", told)

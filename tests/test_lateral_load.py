@@ -8,7 +8,8 @@ import pytest
 from pydantic import ValidationError
 
 from ttwmr_mj.dynamics import hybrid, kinematics, kinetics
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.flatness import centre_derivatives, motion_from_flat
 from ttwmr_mj.dynamics.floor.balls import ball_loads
 from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, Ground

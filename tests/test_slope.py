@@ -8,7 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.special import ellipk
 
 from ttwmr_mj.dynamics import hybrid, kinematics, kinetics
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, Ground
 from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant

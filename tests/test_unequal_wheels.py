@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.shared.wheels import AccelerationToWheels
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, ExtendedParameters
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels
 from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
 from ttwmr_mj.plants.analytic import AnalyticPlant

@@ -87,7 +87,7 @@ class RunRecorder(RrdFile):
         super().__init__(path, name, None, live, footer=footer)
         self._robot = robot
         self._summary = summary_markdown
-        self._signals: tuple[str, ...] | None = None  # of the law, which says so with its first
+        self._signals: tuple[str, ...] | None = None  # known with the first rows
         self._stream.send_property("scenario", rr.AnyValues(name=name))
         self._report(summary_markdown)
         self._report(summary_markdown, DETAILS)

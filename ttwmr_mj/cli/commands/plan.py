@@ -146,30 +146,26 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         from ttwmr_mj.planning.deliver import located, replaced
         from ttwmr_mj.planning.limits import limits_of
         from ttwmr_mj.robot import RobotParameters
-        from ttwmr_mj.scenario.file import check_scenario
+        from ttwmr_mj.scenario.file import check_scenario, find_scenario
 
         wish: dict[str, Any] = {"hitch_angle_rad": math.radians(self.hitch_angle)}
         if self.workspace:
             wish["workspace_m"] = self.workspace
         if self.scenario is None:
             return {}, RobotParameters(), limits_of(RobotParameters(), 0.9, **wish)
-        data, file = self._data(), self._file()
+        file = find_scenario(self.scenario)
+        data = self._data(file)
         scenario = check_scenario(data | replaced(data), str(file), file.parent)
         friction = scenario.plant.contact.floor_friction
         data = located(data, scenario.model_dump())
         return data, scenario.robot, limits_of(scenario.robot, friction, **wish)
 
-    def _file(self) -> Path:
-        from ttwmr_mj.scenario.file import find_scenario
-
-        return find_scenario(str(self.scenario))
-
-    def _data(self) -> dict[str, Any]:
+    def _data(self, file: Path) -> dict[str, Any]:
         """The scenario's file with the user's fragment, overrides and seed."""
         from ttwmr_mj.robot import merged
         from ttwmr_mj.scenario.file import read_scenario, set_value
 
-        data = read_scenario(self._file())
+        data = read_scenario(file)
         if self.fragment is not None:
             data = merged(data, read_scenario(self.fragment))
         for override in self.overrides:

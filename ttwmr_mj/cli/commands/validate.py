@@ -31,7 +31,7 @@ class Validate(Overrides, name="validate"):
         for name in self.scenarios:
             try:
                 scenario = self.load(name)
-                self._check_law(name, scenario)
+                self._check(name, scenario)
                 warn(foretold(scenario))
             except InputError as error:
                 if self.debug:
@@ -41,7 +41,7 @@ class Validate(Overrides, name="validate"):
             say(str(fault))
         return 2 if errors else 0
 
-    def _check_law(self, name: str, scenario: Scenario) -> None:
+    def _check(self, name: str, scenario: Scenario) -> None:
         """A law of the user's, and what a run builds of the rest.
 
         Raises:

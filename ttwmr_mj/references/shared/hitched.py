@@ -24,8 +24,8 @@ from ttwmr_mj.state import FloatArray, wrap
 
 MOST_STEPS, CONVERGED_RAD = 20, 1e-9
 ROUGH_S2 = 1e-4
-LEAST_SAMPLES = 8
 LEAST_STEP_S = 5e-3  # second differences over less are rounding, which does not converge
+LEAST_SAMPLES = 8  # for a smooth curve through them, of however short a run
 BAND, PROBE_RAD = 2, 1e-6  # samples that a residual reaches to either side; of the differences
 
 

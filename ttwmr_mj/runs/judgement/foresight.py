@@ -93,11 +93,14 @@ def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
     # stretched in time it is not the reference made anew, whose balls are held back as ever
     for _ in range(TRIES):
         options = _rounded_options(scenario, pace)
-        if not options or not _still_breaks(scenario, demand.name, options):
+        slower_one = _with_options(scenario, options)
+        if slower_one is None:
+            return "at no pace that the options of this reference allow is it possible"
+        if not options or not _still_breaks(slower_one, demand.name):
             break
         pace *= SLOWER
     else:
-        return "at no pace that the options of this reference allow is it possible"
+        return f"at less than {_rounded('', pace)} of the pace it may be possible"
     told = ", ".join(f"reference.{name}={value}" for name, value in options.items())
     slower = f"possible at {_rounded('', pace)} of the pace{f': {told}' if told else ''}"
     return f"{slower}; {_of_the_trailer(scenario)}" if trailer else slower
@@ -108,17 +111,20 @@ def _rounded_options(scenario: Scenario, pace: float) -> dict[str, str]:
     return {name: _rounded(name, value) for name, value in options.items()}
 
 
-def _still_breaks(scenario: Scenario, name: str, options: dict[str, str]) -> bool:
-    """Whether a limit is broken by the reference with other options, too."""
+def _with_options(scenario: Scenario, options: dict[str, str]) -> Scenario | None:
+    """The scenario whose reference has other options; None where these are beyond their limits."""
     values = {key: float(value) for key, value in options.items()}
     try:
         made = type(scenario.reference).model_validate(scenario.reference.model_dump() | values)
-    except ValidationError:  # beyond the limits of a key
-        return True
-    other = scenario.model_copy(update={"reference": made})
-    path = sample_reference(other)
-    end = scenario.periods + 1
-    return path is not None and _breaks(partial(demands_of, other), name, path.until(end))
+    except ValidationError:
+        return None
+    return scenario.model_copy(update={"reference": made})
+
+
+def _still_breaks(scenario: Scenario, name: str) -> bool:
+    """Whether the scenario's reference breaks a limit."""
+    path, end = sample_reference(scenario), scenario.periods + 1
+    return path is not None and _breaks(partial(demands_of, scenario), name, path.until(end))
 
 
 def _breaks(
@@ -134,6 +140,11 @@ def _of_the_trailer(scenario: Scenario) -> str:
         return (
             "a plan is exact at its rows, and between them a law makes up for this; one that is "
             "made with a longer --duration asks for less"
+        )
+    if scenario.reference.kind.startswith("flat_"):  # which `carried` left as it was
+        return (
+            "what acts on the trailer beside its hinge's motion (spring, damper, balls, slope) is "
+            "too strong for this reference; a faster one, or weaker forces, may have room"
         )
     if getattr(scenario.reference, "theta2", None) in ("aligned", "outward"):
         return f"reference.theta2='none' asks nothing of the trailer; {OF_THE_TRAILER}"

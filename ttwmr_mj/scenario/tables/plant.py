@@ -4,7 +4,7 @@ from typing import Annotated, ClassVar, Literal
 
 from pydantic import Field
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedParameters
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.references.shared.reference import Point
 from ttwmr_mj.robot import Config, WhichTrailer

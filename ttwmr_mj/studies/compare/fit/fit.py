@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import stdtrit
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedParameters
+from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.state import FloatArray

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ttwmr_mj.dynamics.extended.one_trailer import driven_inertia
+from ttwmr_mj.dynamics.extended.parameters import driven_inertia
 from ttwmr_mj.dynamics.kinematics import constraint_residual, to_body
 from ttwmr_mj.dynamics.kinetics import gravity, kinetic_energy
 from ttwmr_mj.dynamics.motor import Drive
