@@ -195,6 +195,7 @@ NOTHING = {
         "images": None,
         "board": None,
         "out": Path("calibration.yaml"),
+        "force": False,
     },
     "track 0 --calibration c.yaml": {"source": "0", "scenario": "lab_circle", "frames": None},
     "reproduce": {"out": Path("results/reproduce"), "only": ()},

@@ -54,6 +54,13 @@ def test_parameters_take_keys_without_quotes(text: str, tmp_path: Path) -> None:
     [
         (f'overrides = ["{MASS}=0.5"]\n{VARIED}', [], f"overrides: got {MASS}=0.5; this key is va"),
         (VARIED, ["--set", f"{MASS} = 0.5"], f"--set: got {MASS} = 0.5; this key is varied"),
+        (VARIED, ["--set", "robot.trailer={mass_kg=0.5}"], "mass_kg=0.5}; this key is varied"),
+        (
+            f"[variants.a]\noverrides = ['robot.trailer={{mass_kg=0.5}}']\n{VARIED}",
+            [],
+            "variants.a.overrides: got robot.trailer={mass_kg=0.5}; this key is varied",
+        ),
+        (f'{VARIED}[belief]\n"{MASS}" = 0.33\n{MASS} = 0.34\n', [], f"belief.{MASS}: given twice"),
         (
             f"overrides = ['seed=4']\n{VARIED}",
             [],

@@ -140,7 +140,16 @@ def test_a_folder_is_filled_by_one_process_at_a_time(plan: Plan, tmp_path: Path)
     with locked(tmp_path / "out"):
         with pytest.raises(InputError, match="this process fills this folder already"):
             fill(plan, tmp_path / "out", told)
-        fill(plan, tmp_path / "out", told, part=Part(1, 2))  # its own rows
+        with pytest.raises(InputError, match="this process fills this folder already"):
+            fill(plan, tmp_path / "out", told, part=Part(1, 2))
+        with pytest.raises(InputError, match="this process fills this folder already"):
+            extend(tmp_path / "out", plan, plan_of(tmp_path, LARGER))
+        with pytest.raises(InputError, match="this process fills this folder already"):
+            merge((tmp_path / "out",), tmp_path / "out")
+    with locked(tmp_path / "out", Part(1, 2).name):
+        with pytest.raises(InputError, match="this process fills this folder already"):
+            fill(plan, tmp_path / "out", told)
+        fill(plan, tmp_path / "out", told, part=Part(2, 2))  # its own rows
     assert fill(plan, tmp_path / "out", told)
 
 

@@ -168,6 +168,13 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     board = cv2.imread(str(tmp_path / "board.png"), cv2.IMREAD_GRAYSCALE)
     assert set(np.unique(board)) <= set(range(256))
     assert min(board.shape) > 500
+    (tmp_path / "board.png").write_bytes(b"mine")
+    again = ttwmr("calibrate", "--board", "board.png", cwd=tmp_path)
+    told = "ttwmr: error: --board: got board.png; it is there already; name another, or add --force"
+    assert (again.returncode, again.stderr.strip()) == (2, told)
+    assert (tmp_path / "board.png").read_bytes() == b"mine"
+    assert ttwmr("calibrate", "--board", "board.png", "--force", cwd=tmp_path).returncode == 0
+    assert (tmp_path / "board.png").read_bytes() != b"mine"
 
 
 @pytest.mark.parametrize(
@@ -189,6 +196,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
         ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
+        ("there", ["calibrate", "--out", "there.yaml"], "--out: got there.yaml; it is there al"),
         ("", ["calibrate", "--board", "b.png", "--images", "x"], "--images would not be used"),
         ("", ["calibrate", "x", "--board", "b.png", "--seed", "1"], "SCENARIO, --seed would not"),
         ("", ["calibrate", "x", "--images", "blank"], "--images: SCENARIO would not be used"),
@@ -223,6 +231,8 @@ LISTED = {
 
 
 def _make(name: str, folder: Path) -> None:
+    if name == "there.yaml":
+        (folder / name).touch()
     if name in LISTED:
         (folder / "frames").mkdir()
         listed = json.dumps({"images": LISTED[name]})

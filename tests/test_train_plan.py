@@ -15,6 +15,7 @@ from ttwmr_mj.dynamics.train import on_trailers, trailer_accelerations
 from ttwmr_mj.references.planned import Knots
 from ttwmr_mj.results.curves import centre_of_oscillation
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.runs.judgement.foresight import foretold
 
 pytest.importorskip("casadi")
 import casadi as ca
@@ -95,4 +96,5 @@ def test_the_command_plans_for_two_trailers(tmp_path: Path) -> None:
     assert Knots.read(str(out)).q.shape[1] == 5
     scenario = tt.load_scenario(str(out.with_suffix(".toml")), ["plant.kind=analytic"])
     assert scenario.controller.kind == "tvlqr"
+    assert foretold(scenario) == []  # between its rows, too, the hitches are asked for nothing
     assert tt.simulate(scenario).verdicts[0].name == "followed"

@@ -39,6 +39,7 @@ from ttwmr_mj.planning.transcription import (
     reaches,
     state_count,
     trailer_rows,
+    with_rows_between,
 )
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -51,6 +52,7 @@ JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
 PACE_M_S = 0.1
 MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
 ROOM = 1.03  # of advice, a little more than has to be
+ROWS = 3  # in a step of a train's plan, whose hitches would else ask for torques between knots
 MOST_ITERATIONS, MOST_S = 400, 120.0
 # how a duration answers for a limit: speeds fall with it, accelerations with its square
 BY_TIME = {
@@ -75,6 +77,7 @@ class Found:
     """A plan that keeps its limits."""
 
     plan: Plan
+    knots_s: FloatArray  # (n,) of the problem that was solved; a train's plan has more rows
     points_s: FloatArray  # (m,) when P is at each point
     used: dict[str, float]  # group of limits → the largest share that is used
 
@@ -168,8 +171,9 @@ def _solve(
     steps = ca.horzcat(
         *(ca.repmat(legs_s[0, i] / count, 1, count) for i, count in enumerate(guess.knots))
     )
-    step = knot_to_knot(robot).map(n - 1)
-    problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
+    step = knot_to_knot(robot, _rows(robot)).map(n - 1)
+    after, _ = step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps)
+    problem.subject_to(states[:, 1:] == after)
     # a number of its own: the cost, which holds it, would else tie every leg to every knot, and
     # sixty points would take half a minute before the search begins
     longer = problem.variable()
@@ -201,7 +205,7 @@ def _solve(
         problem.callback(progress)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
     quiet |= {"max_iter": MOST_ITERATIONS, "max_cpu_time": most_s}
-    problem.solver("ipopt", {"print_time": False, "expand": True}, quiet)
+    problem.solver("ipopt", {"print_time": False}, quiet)
     try:
         solution = solved(problem)
     except RuntimeError as error:
@@ -209,8 +213,14 @@ def _solve(
     value_of = solution.value
     took = np.atleast_1d(np.asarray(value_of(legs_s), dtype=np.float64))
     time_s = replace(guess, legs_s=took).time_s
-    plan = Plan(time_s, np.array(value_of(states)).T, int(solution.stats()["iter_count"]))
-    return Found(plan, time_s[at], elastic.used(value_of)), elastic.exceeded(value_of)
+    knots = Plan(time_s, np.array(value_of(states)).T, int(solution.stats()["iter_count"]))
+    plan = with_rows_between(robot, knots, np.array(value_of(jerks)).T, _rows(robot))
+    return Found(plan, time_s, time_s[at], elastic.used(value_of)), elastic.exceeded(value_of)
+
+
+def _rows(robot: RobotParameters) -> int:
+    """Of the plan, from knot to knot."""
+    return ROWS if len(robot.trailers) > 1 else 1
 
 
 def _close(problem: Any, states: Any, jerks: Any, guess: _Guess, robot: RobotParameters) -> None:
@@ -283,7 +293,7 @@ def _refusal(exceeded: list[Exceeded], found: Found, request: Request) -> str:
     """Which limits stand in the way, where, and what would do."""
     lines = ["no plan keeps all limits:"]
     for one in exceeded:
-        time_s = float(found.plan.time_s[min(one.knot, len(found.plan.time_s) - 1)])
+        time_s = float(found.knots_s[min(one.knot, len(found.knots_s) - 1)])
         after = int(np.searchsorted(found.points_s, time_s, side="right"))
         following = after % len(request.points_m) + 1
         what = "less than" if one.group == "least speed" else "more than"

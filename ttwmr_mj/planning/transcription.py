@@ -154,17 +154,47 @@ def _hitch_torques(state: Any, robot: RobotParameters) -> list[Any]:
     return torques
 
 
-def knot_to_knot(robot: RobotParameters) -> Any:
-    """CasADi function (state, jerk at the start, jerk at the end, time step) → next state."""
+def knot_to_knot(robot: RobotParameters, rows: int = 1) -> Any:
+    """CasADi function (state, jerk at the start, jerk at the end, time step) → next states.
+
+    Returns:
+        (next state, (states, rows) at equal steps on the way there, which it is the last of).
+    """
     state, first = ca.SX.sym("x", state_count(robot)), ca.SX.sym("j", INPUTS)
     last, step_s = ca.SX.sym("l", INPUTS), ca.SX.sym("h")
-    middle = 0.5 * (first + last)
-    k1 = rate_of(state, first, robot)
-    k2 = rate_of(state + 0.5 * step_s * k1, middle, robot)
-    k3 = rate_of(state + 0.5 * step_s * k2, middle, robot)
-    k4 = rate_of(state + step_s * k3, last, robot)
-    after = state + step_s / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4)
-    return ca.Function("knot_to_knot", [state, first, last, step_s], [after])
+    after, part_s = [state], step_s / rows
+    for row in range(rows):
+        at = after[-1]
+        start, middle, end = (
+            first + share / rows * (last - first) for share in (row, row + 0.5, row + 1)
+        )
+        k1 = rate_of(at, start, robot)
+        k2 = rate_of(at + 0.5 * part_s * k1, middle, robot)
+        k3 = rate_of(at + 0.5 * part_s * k2, middle, robot)
+        k4 = rate_of(at + part_s * k3, end, robot)
+        after.append(at + part_s / 6.0 * (k1 + 2.0 * k2 + 2.0 * k3 + k4))
+    found = [after[-1], ca.horzcat(*after[1:])]
+    return ca.Function("knot_to_knot", [state, first, last, step_s], found)
+
+
+def with_rows_between(robot: RobotParameters, plan: Plan, jerks: FloatArray, rows: int) -> Plan:
+    """The plan with rows between its n knots, where a spline through them would only be near it.
+
+    Args:
+        robot: that it is for.
+        plan: at knots, which `knot_to_knot` with as many rows leads through.
+        jerks: (n, 2) inputs there.
+        rows: of each step from knot to knot.
+    """
+    steps = np.diff(plan.time_s)
+    way = knot_to_knot(robot, rows).map(steps.size)
+    _, between = way(plan.state[:-1].T, jerks[:-1].T, jerks[1:].T, steps[None])
+    time_s = plan.time_s[:-1, None] + steps[:, None] * np.arange(1, rows + 1) / rows
+    return Plan(
+        np.append(plan.time_s[0], time_s),
+        np.vstack([plan.state[:1], np.array(between).T]),
+        plan.iterations,
+    )
 
 
 def solve(
@@ -193,7 +223,8 @@ def solve(
     states, jerks = problem.variable(state_count(robot), n), problem.variable(INPUTS, n)
     step, step_s = knot_to_knot(robot).map(n - 1), float(time_s[1] - time_s[0])
     steps = ca.repmat(step_s, 1, n - 1)
-    problem.subject_to(states[:, 1:] == step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps))
+    after, _ = step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps)
+    problem.subject_to(states[:, 1:] == after)
     _bound(problem, states, robot, limits)
     ends(problem, states, jerks)
     problem.minimize(cost(states, jerks))

@@ -1,7 +1,7 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -200,16 +200,34 @@ def set_value(data: dict[str, Any], override: str) -> None:
     Raises:
         InputError: there is no `=`, or the path runs through something that is no table.
     """
-    path, equals, text = override.partition("=")
-    keys = [key.strip() for key in path.split(".")]
-    if not equals or not all(keys):
+    keys, value = _parts(override)
+    if value is None or not all(keys):
         allowed = "key.path=value, as in plant.kind=analytic"
         raise _unset(f"--set {override}", allowed=allowed)
-    try:
-        value = parse_toml(f"value = {text}")["value"]
-    except ValueError:
-        value = text.strip()  # plain words need no quotes
     put_value(data, keys, value, f"--set {override}")
+
+
+def _parts(override: str) -> tuple[list[str], Any]:
+    """The keys, from the outermost table inwards, and the value; None without `=`."""
+    path, equals, text = override.partition("=")
+    keys = [key.strip() for key in path.split(".")]
+    try:
+        return keys, parse_toml(f"value = {text}")["value"] if equals else None
+    except ValueError:
+        return keys, text.strip()  # plain words need no quotes
+
+
+def paths_set(override: str) -> Iterator[str]:
+    """Each path at which `key.path=value` sets something: that one, and all within a table."""
+    keys, value = _parts(override)
+    places = [(".".join(keys), value)]
+    while places:
+        path, value = places.pop(0)
+        yield path
+        if isinstance(value, dict):
+            places += [(f"{path}.{key}", item) for key, item in value.items()]
+        elif isinstance(value, list):
+            places += [(f"{path}.{i}", item) for i, item in enumerate(value)]
 
 
 def put_value(data: dict[str, Any], keys: list[str], value: Any, where: str) -> None:

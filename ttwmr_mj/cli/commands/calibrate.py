@@ -18,6 +18,7 @@ class Calibrate(Overrides, name="calibrate"):
     )
     board: Path | None = option("only write the board as an image to print", metavar="PNG")
     out: Path = option("file for the calibration", OUT, metavar="YAML")
+    force: bool = option("replace a file that is there")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (
@@ -30,8 +31,10 @@ class Calibrate(Overrides, name="calibrate"):
         if self.board is not None:
             files = {"--images": self.images is not None, "--out": self.out != OUT}
             self._refuse_beside("--board", files | self._of_scenario())
+            self._refuse_to_replace("--board", self.board)
             write_board(self.board)
             return 0
+        self._refuse_to_replace("--out", self.out)
         if self.images is not None:
             self._refuse_beside("--images", self._of_scenario())
             calibration = calibrate_from_images(self.images)
@@ -53,6 +56,11 @@ class Calibrate(Overrides, name="calibrate"):
             "--fragment": self.fragment is not None,
             "--seed": self.seed is not None,
         }
+
+    def _refuse_to_replace(self, option: str, file: Path) -> None:
+        if file.is_file() and not self.force:
+            problem, hint = "it is there already", "name another, or add --force"
+            raise InputError.at(option, problem, got=str(file), hint=hint)
 
     @staticmethod
     def _refuse_beside(option: str, given: dict[str, bool]) -> None:

@@ -16,7 +16,7 @@ NAME = ".lock"
 
 @contextmanager
 def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
-    """Hold a folder while the context lasts.
+    """Hold a folder while the context lasts; all of it while no part is held, and the reverse.
 
     Where the system has no such locks, two processes do the same work twice, and nothing worse.
 
@@ -29,6 +29,10 @@ def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
         InputError: another process or thread holds it; the message says which.
     """
     path = folder / (f"{NAME}-{part}" if part else NAME)
+    for other in folder.glob(NAME if part else f"{NAME}-*"):
+        if (free := _taken(other, key)) is not None:  # left by a process that was killed
+            with free, suppress(OSError):
+                other.unlink()
     file = _taken(path, key)
     if file is None:
         yield

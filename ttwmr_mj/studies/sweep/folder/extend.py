@@ -8,6 +8,7 @@ import numpy as np
 import pyarrow as pa
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, changes, write_plan
 from ttwmr_mj.studies.sweep.folder.results import GROUP, REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, shards_in, to_bytes, write_shard
@@ -20,12 +21,18 @@ def extend(folder: Path, stored: Plan, plan: Plan) -> None:
     """Make a larger plan the folder's; killed at any moment, it can be done again.
 
     Raises:
-        InputError: the plan does not hold every row of the stored one.
+        InputError: the plan does not hold every row of the stored one, or another process fills
+            the folder.
     """
     faults = _faults(stored, plan)
     if faults:
         problem = "this plan does not hold every row of the one in the folder"
         raise InputError(Fault(problem=problem), *faults, file=str(folder / PLAN_FILE))
+    with locked(folder):
+        _rewrite(folder, stored, plan)
+
+
+def _rewrite(folder: Path, stored: Plan, plan: Plan) -> None:
     for shard in shards_in(folder, stored):
         table = shard.read()
         new = _new_numbers(stored, plan, table["row"].to_numpy())

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, refuse_other, stored_plan, write_plan
 from ttwmr_mj.studies.sweep.folder.shards import rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -19,8 +20,8 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
         into: gets copies of what it lacks; need not be there.
 
     Raises:
-        InputError: a folder holds no sweep, that of another plan, or a damaged shard; nothing was
-            written.
+        InputError: a folder holds no sweep, that of another plan, or a damaged shard, or another
+            process fills the one to join them in; nothing was written.
     """
     plans = [(folder, _plan_of(folder)) for folder in folders]
     target = stored_plan(into)
@@ -31,14 +32,16 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
     shards = [shard for folder, plan in plans for shard in shards_in(folder, plan)]
     for shard in shards:
         shard.read(["row"])
-    done = rows_done(into, first)
-    if target is None:
-        write_plan(into, first)
-    for shard in shards:
-        rows = shard.rows
-        if not done[rows].all():
-            write_shard(into, first, rows, shard.path.read_bytes())
-            done[rows] = True
+    into.mkdir(parents=True, exist_ok=True)
+    with locked(into):
+        if target is None:
+            write_plan(into, first)
+        done = rows_done(into, first)
+        for shard in shards:
+            rows = shard.rows
+            if not done[rows].all():
+                write_shard(into, first, rows, shard.path.read_bytes())
+                done[rows] = True
     return first
 
 

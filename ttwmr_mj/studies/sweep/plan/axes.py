@@ -49,14 +49,20 @@ class Axis:
         return next(iter(self.parameters.values())).drawn
 
 
-def split_belief(given: Table) -> tuple[list[str], Table]:
-    """[belief] as overrides, where it holds values, and as a table of parameters."""
-    constants, varied = [], {}
+def split_belief(given: Table, faults: list[Fault]) -> tuple[list[str], Table]:
+    """[belief] as overrides, where it holds values, and as a table of parameters.
+
+    A key that is there twice, with quotes and without, is added to the faults.
+    """
+    constants, varied, seen = [], {}, set[str]()
     for path, entry in flattened(given, values=True):
-        if isinstance(entry, dict):
+        if path in seen:
+            faults.append(Fault(key=("belief", path), problem="given twice", hint="give it once"))
+        elif isinstance(entry, dict):
             varied[f"belief.{path}"] = entry
         else:
             constants.append(f"belief.{path}={as_toml(entry)}")
+        seen.add(path)
     return constants, varied
 
 

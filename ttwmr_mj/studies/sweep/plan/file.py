@@ -15,6 +15,7 @@ from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import is_file, read_toml, require_none_but_files
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of, suggestion
+from ttwmr_mj.scenario.file import paths_set
 from ttwmr_mj.studies.bench.suite import is_suite
 from ttwmr_mj.studies.sweep.plan.axes import OWN_KEYS, Axis, Table, as_toml, axes_of, split_belief
 from ttwmr_mj.studies.sweep.plan.parameters import Range, Value
@@ -125,7 +126,7 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
     except ValidationError as error:
         faults = faults_of(error, SweepFile)
         file = _sound_part(data, faults)
-    constants, believed = split_belief(file.belief)
+    constants, believed = split_belief(file.belief, faults)
     axes = tuple(axes_of(file.parameters, believed, file.together, faults))
     faults += _faults(file, axes)
     faults += _override_faults(file, overrides, axes, constants)
@@ -201,7 +202,11 @@ def _override_faults(
     file: SweepFile, more: tuple[str, ...], axes: tuple[Axis, ...], constants: list[str]
 ) -> Iterator[Fault]:
     """What is set on every row and comes to nothing."""
-    believed = {_path(given): ("this key is set in [belief]", "set it once") for given in constants}
+    believed = {
+        path: ("this key is set in [belief]", "set it once")
+        for given in constants
+        for path in paths_set(given)
+    }
     varied = {
         path: ("this key is varied", "vary it, or set it")
         for axis in axes
@@ -213,13 +218,10 @@ def _override_faults(
         ("--set", more, varied | seed),
     ):
         for given in overrides:
-            if _path(given) in taken:
-                problem, hint = taken[_path(given)]
-                yield Fault(key=(where,), got=given, problem=problem, hint=hint)
-
-
-def _path(override: str) -> str:
-    return override.partition("=")[0].strip()
+            for path in paths_set(given):
+                if path in taken:
+                    problem, hint = taken[path]
+                    yield Fault(key=(where,), got=given, problem=problem, hint=hint)
 
 
 def _variant_faults(file: SweepFile, varied: set[str]) -> Iterator[Fault]:
@@ -228,13 +230,14 @@ def _variant_faults(file: SweepFile, varied: set[str]) -> Iterator[Fault]:
     for name, variant in file.variants.items():
         where = ("variants", name, "overrides")
         for given in variant.overrides:
-            path = _path(given)
-            if path in OWN_KEYS:
-                hint = "all variants have the seeds in `seeds`" if path == "seed" else ""
-                yield Fault(key=where, got=given, problem="cannot be set by a variant", hint=hint)
-            if path in varied:
-                problem = "this key is varied, and so the same in all variants"
-                yield Fault(key=where, got=given, problem=problem, hint="vary it, or set it")
+            for path in paths_set(given):
+                if path in OWN_KEYS:
+                    hint = "all variants have the seeds in `seeds`" if path == "seed" else ""
+                    problem = "cannot be set by a variant"
+                    yield Fault(key=where, got=given, problem=problem, hint=hint)
+                if path in varied:
+                    problem = "this key is varied, and so the same in all variants"
+                    yield Fault(key=where, got=given, problem=problem, hint="vary it, or set it")
         other = alike.setdefault(tuple(variant.overrides), name)
         if other != name:
             yield Fault(key=where, problem=f"the same as those of {other}: nothing to compare")
