@@ -52,6 +52,10 @@ BAD = {
         varied(RADIUS + "{ values = [0.3] }"),
         'one value varies nothing; overrides = ["reference.radius_m=0.3"] sets it',
     ),
+    "one word": (
+        varied('"initial.kind" = { values = ["at_rest"] }'),
+        r'one value varies nothing; overrides = ["initial.kind=\"at_rest\""] sets it',
+    ),
     "a value twice": (varied(RADIUS + "{ values = [0.3, 0.3] }"), "a value twice; leave out"),
     "an empty range": (
         varied(RADIUS + "{ low = 0.5, high = 0.5, count = 3 }"),

@@ -170,7 +170,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     assert min(board.shape) > 500
     (tmp_path / "board.png").write_bytes(b"mine")
     again = ttwmr("calibrate", "--board", "board.png", cwd=tmp_path)
-    told = "ttwmr: error: --board: got board.png; it is there already; name another, or add --force"
+    told = "ttwmr: --board: got board.png; it is there already; name another, or add --force"
     assert (again.returncode, again.stderr.strip()) == (2, told)
     assert (tmp_path / "board.png").read_bytes() == b"mine"
     assert ttwmr("calibrate", "--board", "board.png", "--force", cwd=tmp_path).returncode == 0
@@ -196,7 +196,11 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
         ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
-        ("there", ["calibrate", "--out", "there.yaml"], "--out: got there.yaml; it is there al"),
+        (
+            "there.yaml",
+            ["calibrate", "--out", "there.yaml"],
+            "--out: got there.yaml; it is there al",
+        ),
         ("", ["calibrate", "--board", "b.png", "--images", "x"], "--images would not be used"),
         ("", ["calibrate", "x", "--board", "b.png", "--seed", "1"], "SCENARIO, --seed would not"),
         ("", ["calibrate", "x", "--images", "blank"], "--images: SCENARIO would not be used"),

@@ -180,9 +180,9 @@ def _as_lists(given: dict[str, Any]) -> dict[str, Any]:
     for first, name in RobotParameters.FIRST.items():
         if first not in lists:
             continue
-        value, entries = lists.pop(first), lists.get(name, ())
-        if isinstance(entries, list | tuple):  # else its own fault is enough
-            lists[name] = [merged(entries[0], value) if entries else value, *entries[1:]]
+        value, entries = lists.pop(first), lists.get(name) or [{}]
+        if isinstance(entries, list | tuple) and isinstance(entries[0], dict | BaseModel):
+            lists[name] = [merged(entries[0], value), *entries[1:]]  # else its own fault is enough
     return lists
 
 

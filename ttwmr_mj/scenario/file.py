@@ -1,7 +1,7 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
 import copy
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, get_type_hints
@@ -21,7 +21,7 @@ from ttwmr_mj.files import (
     read_toml,
     require_none_but_files,
 )
-from ttwmr_mj.robot import merged
+from ttwmr_mj.robot import RobotParameters, merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
@@ -84,6 +84,7 @@ def load_scenario(
     data, source = read_scenario(path), str(path)
     if fragment is not None:
         other = read_scenario(named("fragment", fragment))
+        _forget_first(data, _paths([("", other)]))
         data, source = merged(data, other), f"{path} with {fragment}"
     for override in overrides or []:
         set_value(data, override)
@@ -204,28 +205,50 @@ def set_value(data: dict[str, Any], override: str) -> None:
     if value is None or not all(keys):
         allowed = "key.path=value, as in plant.kind=analytic"
         raise _unset(f"--set {override}", allowed=allowed)
+    _forget_first(data, paths_set(override))
     put_value(data, keys, value, f"--set {override}")
+
+
+def _forget_first(data: dict[str, Any], paths: Iterable[str]) -> None:
+    """Drop `robot.trailer` and `robot.hitch` where a list that is given later has the first."""
+    for path in paths:
+        *outer, last = path.split(".")
+        if outer[-1:] != ["robot"]:
+            continue
+        place: Any = data
+        for key in outer:
+            place = place.get(key) if isinstance(place, dict) else None
+        for first, name in RobotParameters.FIRST.items():
+            if last == name and isinstance(place, dict):
+                place.pop(first, None)
 
 
 def _parts(override: str) -> tuple[list[str], Any]:
     """The keys, from the outermost table inwards, and the value; None without `=`."""
     path, equals, text = override.partition("=")
     keys = [key.strip() for key in path.split(".")]
-    try:
-        return keys, parse_toml(f"value = {text}")["value"] if equals else None
-    except ValueError:
-        return keys, text.strip()  # plain words need no quotes
+    if not equals:
+        return keys, None
+    with suppress(ValueError):
+        found = parse_toml(f"value = {text}")
+        if len(found) == 1:  # else it has more lines, which would be lost
+            return keys, found["value"]
+    return keys, text.strip()  # plain words need no quotes
 
 
 def paths_set(override: str) -> Iterator[str]:
     """Each path at which `key.path=value` sets something: that one, and all within a table."""
     keys, value = _parts(override)
-    places = [(".".join(keys), value)]
+    return _paths([(".".join(keys), value)])
+
+
+def _paths(places: list[tuple[str, Any]]) -> Iterator[str]:
+    """Of values, and of all that is within them."""
     while places:
         path, value = places.pop(0)
         yield path
         if isinstance(value, dict):
-            places += [(f"{path}.{key}", item) for key, item in value.items()]
+            places += [(f"{path}.{key}" if path else key, item) for key, item in value.items()]
         elif isinstance(value, list):
             places += [(f"{path}.{i}", item) for i, item in enumerate(value)]
 

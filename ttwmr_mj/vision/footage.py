@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import count, pairwise
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
@@ -98,15 +98,24 @@ def _refuse_unlike(width: int, height: int, camera: CameraModel, file: str) -> N
 
 
 def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
-    """A stream's frames until one cannot be read; the first is at time zero."""
+    """A stream's frames until one cannot be read; the first is at time zero.
+
+    Each is at the time that the stream tells of it, which need not be evenly spaced; where it tells
+    none, or one that does not follow the last, as long after the last as its rate says.
+    """
     rate = stream.get(cv2.CAP_PROP_FPS)
-    rate_hz = rate if 0 < rate <= MOST_RATE_HZ else DEFAULT_RATE_HZ
-    for number in count():
+    period_s = 1.0 / (rate if 0 < rate <= MOST_RATE_HZ else DEFAULT_RATE_HZ)
+    time_s, start_s = -period_s, None
+    while True:
         with quiet():
             readable, image = stream.read()
+            told_s = 1e-3 * stream.get(cv2.CAP_PROP_POS_MSEC)
         if not readable:
             return
-        yield Frame(np.asarray(image, dtype=np.uint8), number / rate_hz, truth=None)
+        start_s = told_s if start_s is None else start_s
+        after_s = told_s - start_s - time_s
+        time_s += after_s if 1.0 / MOST_RATE_HZ <= after_s <= MOST_S else period_s
+        yield Frame(np.asarray(image, dtype=np.uint8), time_s, truth=None)
 
 
 def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:

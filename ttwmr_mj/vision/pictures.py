@@ -1,6 +1,7 @@
 """Pictures from files, which may be damaged or enormous."""
 
 import math
+import re
 import warnings
 from pathlib import Path
 from typing import cast
@@ -17,8 +18,15 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 def picture_files(folder: Path) -> list[Path]:
-    """The pictures in a folder, by name; none where it is absent."""
-    return sorted(path for path in folder.glob("*") if path.suffix.lower() in SUFFIXES)
+    """The pictures in a folder, by name, 2.png before 10.png; none where it is absent."""
+    found = [path for path in folder.glob("*") if path.suffix.lower() in SUFFIXES]
+    return sorted(found, key=lambda path: (_numbered(path.name), path.name))
+
+
+def _numbered(name: str) -> list[str | int]:
+    """A name's parts, the numbers in it as numbers; letters and numbers take turns."""
+    parts = re.split("([0-9]+)", name)
+    return [int(part) if i % 2 else part for i, part in enumerate(parts)]
 
 
 def read_picture(path: Path) -> Image:

@@ -276,5 +276,6 @@ def _axis_faults(file: SweepFile, axis: Axis) -> Iterator[Fault]:
             yield Fault(key=(*key, "count"), problem=problem)
         values: tuple[Value, ...] | None = parameter.values
         if values is not None and len(values) == 1:
-            hint = f'overrides = ["{path}={as_toml(values[0])}"] sets it on every row'
+            override = as_toml(f"{path}={as_toml(values[0])}")
+            hint = f"overrides = [{override}] sets it on every row"
             yield Fault(key=key, got=repr(values[0]), problem="one value varies nothing", hint=hint)

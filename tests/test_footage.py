@@ -1,0 +1,75 @@
+"""When frames of a video and pictures of a folder were taken, and in which order."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.vision.calibration.file import load_calibration
+from ttwmr_mj.vision.footage import open_footage
+
+imageio_ffmpeg = pytest.importorskip("imageio_ffmpeg")
+
+CAMERA = load_calibration(scenarios_folder() / "calibration" / "lab_camera.yaml").camera
+GREY = 20  # between one picture and the next, which compression does not bridge
+
+
+def pictures(folder: Path, count: int, name: str = "{:04d}.png") -> None:
+    folder.mkdir()
+    for i in range(count):
+        cv2.imwrite(str(folder / name.format(i)), np.full((480, 640, 3), GREY * i, np.uint8))
+
+
+def taken(source: Path) -> tuple[list[float], list[int]]:
+    """Times, and which picture it was."""
+    with open_footage(str(source), CAMERA) as footage:
+        frames = list(footage.frames)
+    shades = [round(float(frame.image.mean()) / GREY) for frame in frames]
+    return [frame.time_s for frame in frames], shades
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "expected"),
+    [
+        ("even.mp4", ["-pix_fmt", "yuv420p"], np.arange(12) / 30.0),
+        ("even.webm", [], np.arange(12) / 30.0),
+        ("even.avi", ["-c:v", "mjpeg"], np.arange(12) / 30.0),
+        (
+            "uneven.mp4",
+            ["-pix_fmt", "yuv420p", "-vf", "setpts='(N+N*N)/30/TB'", "-fps_mode", "vfr"],
+            (np.arange(12) + np.arange(12) ** 2) / 30.0,
+        ),
+    ],
+)
+def test_frames_are_at_the_times_of_their_file(
+    file: str, options: list[str], expected: np.ndarray, tmp_path: Path
+) -> None:
+    pictures(tmp_path / "shots", 12)
+    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-framerate", "30"]
+    source = ["-i", str(tmp_path / "shots" / "%04d.png")]
+    subprocess.run([*ffmpeg, *source, *options, str(tmp_path / file)], check=True)
+    times, shades = taken(tmp_path / file)
+    assert shades == list(range(12))
+    np.testing.assert_allclose(times, expected, atol=6e-4)  # webm rounds to milliseconds
+
+
+@pytest.mark.parametrize("name", ["{}.png", "shot {} of 12.png", "{:04d}.png"])
+def test_pictures_come_in_the_order_of_the_numbers_in_their_names(
+    name: str, tmp_path: Path
+) -> None:
+    pictures(tmp_path / "shots", 12, name)
+    times, shades = taken(tmp_path / "shots")
+    assert shades == list(range(12))
+    np.testing.assert_allclose(times, np.arange(12) / 30.0, atol=1e-12)
+
+
+def test_names_of_any_kind_have_an_order(tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    for name in ("a.png", "10.png", "9.png", "٣.png", "²7.png", "a1b.png", "a01.png", "7.png"):
+        cv2.imwrite(str(tmp_path / "shots" / name), np.zeros((480, 640, 3), np.uint8))
+    assert len(taken(tmp_path / "shots")[0]) == 8

@@ -1,0 +1,54 @@
+"""What is set later counts: nothing of an override or a fragment is lost without a word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.scenario.file import load_scenario, paths_set
+
+DAMPING = "[{damping_n_m_s_rad=0.01}]"
+
+
+@pytest.mark.parametrize("more", [[], ["world=lab"], ["world=unkind"]])
+def test_a_list_that_is_set_replaces_the_first_by_its_name(more: list[str]) -> None:
+    given = load_scenario("lab_circle").robot.hitch.damping_n_m_s_rad
+    scenario = load_scenario("lab_circle", [f"robot.hitches={DAMPING}", *more])
+    assert scenario.robot.hitch.damping_n_m_s_rad == 0.01 != given
+
+
+def test_a_fragments_list_replaces_the_first_by_its_name(tmp_path: Path) -> None:
+    fragment = tmp_path / "hitch.toml"
+    fragment.write_text("[[robot.hitches]]\ndamping_n_m_s_rad = 0.01\n")
+    robot = load_scenario("lab_circle", fragment=fragment).robot
+    assert robot.hitch.damping_n_m_s_rad == 0.01
+    both = [f"robot.hitches={DAMPING}", "robot.hitch.damping_n_m_s_rad=0.02"]  # the later one
+    assert load_scenario("lab_circle", both).robot.hitch.damping_n_m_s_rad == 0.02
+
+
+@pytest.mark.parametrize("world", ["kind", "lab", "unkind"])
+@pytest.mark.parametrize("table", ["robot", "belief.robot"])
+@pytest.mark.parametrize("first", ["hitch", "trailer"])
+@pytest.mark.parametrize("entry", ["5", "'x'", "true", "[]"])
+def test_the_first_of_a_list_is_a_table_in_every_world(
+    world: str, table: str, first: str, entry: str
+) -> None:
+    lists = {"hitch": "hitches", "trailer": "trailers"}
+    override = f"{table}.{lists[first]}=[{entry}]"
+    with pytest.raises(InputError, match=rf"{table}\.{first}: .* a table"):
+        load_scenario("lab_circle", [override, f"world={world}"])
+
+
+def test_what_has_more_than_one_line_is_one_value() -> None:
+    with pytest.raises(InputError, match=r"controller.alpha1: got '33\\nalpha2=9'"):
+        load_scenario("lab_circle", ["controller.alpha1=33\nalpha2=9"])
+    assert load_scenario("lab_circle", ["description=a = 1\nb = 2"]).description == "a = 1\nb = 2"
+
+
+def test_every_place_that_an_override_sets_is_known() -> None:
+    told = list(paths_set("robot . trailers=[{mass_kg=1, com_offset_m=2}]"))
+    one = "robot.trailers.0"
+    assert told == ["robot.trailers", one, f"{one}.mass_kg", f"{one}.com_offset_m"]
+    assert list(paths_set("plant.kind=analytic")) == ["plant.kind"]
