@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -123,6 +124,37 @@ def test_impossible_cameras_are_refused(
         writer.write(name, np.asarray(value) * change if name == key else value)
     writer.release()
     with pytest.raises(InputError, match=message):
+        load_calibration(path)
+
+
+@pytest.mark.parametrize(
+    ("place", "number", "message"),
+    [
+        ((2, 2), 0.0, r"allowed: \[\[fx, 0, cx\], \[0, fy, cy\], \[0, 0, 1\]\]"),
+        ((2, 0), 100.0, r"allowed: \[\[fx, 0, cx\]"),
+        ((0, 1), 50.0, r"allowed: \[\[fx, 0, cx\]"),
+        ((1, 0), 50.0, r"allowed: \[\[fx, 0, cx\]"),
+        ((0, 2), 2000.0, "principal point at 2000, .* 640 × 480 px"),
+        ((1, 2), -500.0, "principal point at"),
+        ((0, 0), 6400.0, "focal lengths of 6400 and .* ratio of 3"),
+        ("reprojection_rms_px", -5.0, "got -5; allowed: 0 or more"),
+        ("floor_rms_px", -1e-3, "allowed: 0 or more"),
+    ],
+)
+def test_numbers_of_a_calibration_that_no_camera_has_are_refused(
+    place: tuple[int, int] | str, number: float, message: str, tmp_path: Path
+) -> None:
+    saved = lab_calibration()
+    if isinstance(place, str):
+        saved = replace(saved, **{place: number})  # type: ignore[arg-type]  # floats, both
+    save_calibration(saved, path := tmp_path / "camera.yml")
+    if not isinstance(place, str):
+        matrix = saved.camera.matrix
+        matrix[place] = number
+        numbers = ", ".join(f"{float(value)!r}" for value in matrix.ravel())
+        text = re.sub(r"(camera_matrix:[^\[]*\[)[^\]]*", rf"\g<1>{numbers}", path.read_text())
+        path.write_text(text)
+    with pytest.raises(InputError, match=rf"camera\.yml: 1 error\n  .*{message}"):
         load_calibration(path)
 
 

@@ -35,6 +35,9 @@ MOST = 1e9  # of any number
 MOST_SIZE_PX = 100_000
 COUNTS = ("image_width", "image_height", "views")
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
+ZERO_PX = 1e-6  # what counts as zero, and as one, in a camera matrix
+MOST_ASPECT = 3.0  # of fx and fy: pixels of old video formats are twice as wide as high
+MOST_BESIDE = 1.0  # of the picture's size, how far beyond its edge the principal point may be
 FIX = "write a fresh one with `ttwmr calibrate`"
 
 
@@ -88,14 +91,11 @@ def _refuse_unlike(text: str) -> None:
 
 def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
     value = {key: _value(storage.getNode(key), key, path) for key in CONTENT}
+    _refuse_wrong_intrinsics(value, path)
     matrix, rotation = value["camera_matrix"], value["rotation_world_to_camera"]
     orthonormal = np.allclose(rotation @ rotation.T, np.eye(3), atol=ORTHONORMAL_TOLERANCE)
     if not orthonormal or np.linalg.det(rotation) < 0.0:
         raise _fault(path, "rotation_world_to_camera", problem="is not a rotation matrix")
-    if min(matrix[0, 0], matrix[1, 1]) <= 0:
-        raise _fault(path, "camera_matrix", problem="has a focal length that is not positive")
-    if max(matrix[0, 0], matrix[1, 1]) > MOST_FOCAL_PX:
-        raise _fault(path, "camera_matrix", problem="has a focal length beyond all lenses")
     if value["camera_position_m"].ravel()[2] <= 0.0:
         raise _fault(path, "camera_position_m", problem="is not above the floor")
     camera = CameraModel(
@@ -109,6 +109,31 @@ def _read(storage: cv2.FileStorage, path: Path) -> Calibration:
     )
     rms, floor = float(value["reprojection_rms_px"]), float(value["floor_rms_px"])
     return Calibration(camera, rms, floor, int(value["views"]))
+
+
+def _refuse_wrong_intrinsics(value: dict[str, FloatArray], path: Path) -> None:
+    """A camera matrix is [[fx, 0, cx], [0, fy, cy], [0, 0, 1]]; what else it held would be lost."""
+    key, matrix = "camera_matrix", value["camera_matrix"]
+    focal, principal = np.diag(matrix)[:2], matrix[:2, 2]
+    if focal.min() <= 0:
+        raise _fault(path, key, problem="has a focal length that is not positive")
+    if focal.max() > MOST_FOCAL_PX:
+        raise _fault(path, key, problem="has a focal length beyond all lenses")
+    form = np.array([[focal[0], 0.0, principal[0]], [0.0, focal[1], principal[1]], [0.0, 0.0, 1.0]])
+    if (np.abs(matrix - form) > ZERO_PX).any():
+        got = str(matrix.tolist())
+        raise _fault(path, key, got=got, allowed="[[fx, 0, cx], [0, fy, cy], [0, 0, 1]]")
+    if focal.max() > MOST_ASPECT * focal.min():
+        problem = f"has focal lengths of {focal[0]:g} and {focal[1]:g} px"
+        raise _fault(path, key, problem=problem, allowed=f"a ratio of {MOST_ASPECT:g} at most")
+    size = np.array([float(value["image_width"]), float(value["image_height"])])
+    if (principal < -MOST_BESIDE * size).any() or (principal > (1.0 + MOST_BESIDE) * size).any():
+        problem = f"has its principal point at {principal[0]:g}, {principal[1]:g} px"
+        allowed = f"in the picture of {size[0]:g} × {size[1]:g} px, or near it"
+        raise _fault(path, key, problem=problem, allowed=allowed)
+    for rms in ("reprojection_rms_px", "floor_rms_px"):
+        if value[rms] < 0.0:
+            raise _fault(path, rms, got=f"{value[rms]:g}", allowed="0 or more")
 
 
 def _value(node: cv2.FileNode, key: str, path: Path) -> FloatArray:
