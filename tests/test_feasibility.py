@@ -302,6 +302,10 @@ def test_a_file_that_is_no_plan_says_why(tmp_path: Path) -> None:
     assert "at least 8 rows" in problem("\n".join([*head, *rows[:7]]))
     assert "at least 8 rows" in problem("\n".join([*head, *(row + ",0" for row in rows)]))
     assert "do not increase" in problem("\n".join([*lines, rows[-1]]))
+    swapped = problem(good.replace("x_m,y_m", "y_m,x_m"))
+    assert "its columns are called time_s, y_m, x_m, theta1_rad, theta2_rad, and must be" in swapped
+    assert "must be time_s, x_m, y_m" in problem("\n".join([*head[:3], *rows]))  # without names
+    assert problem(good.replace("time_s,x_m,y_m", '"time_s", "x_m", y_m')) == ""
     assert "not all finite" in problem("\n".join([*head, "-1,nan,0,0,0", *rows]))
 
 

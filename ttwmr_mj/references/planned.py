@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline, make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import centre_derivatives
 from ttwmr_mj.dynamics.train import constants
-from ttwmr_mj.errors import Fault
+from ttwmr_mj.errors import Fault, cut
 from ttwmr_mj.files import placed
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference
@@ -93,6 +93,9 @@ class Knots:
         rows = [line for line in lines if not line.startswith("#")]
         if len(rows) < 2:
             raise ValueError("it has no table")
+        if (called := _header(rows[0])) != names:
+            got = cut(", ".join(called))
+            raise ValueError(f"its columns are called {got}, and must be {', '.join(names)}")
         table = np.loadtxt(io.StringIO("\n".join(rows[1:])), delimiter=",")
         if table.ndim != 2 or table.shape[1] != len(names) or len(table) <= DEGREE:
             raise ValueError(f"its table is not at least {DEGREE + 1} rows of {', '.join(names)}")
@@ -136,6 +139,11 @@ class Knots:
         spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
         spline.extrapolate = "periodic"
         return spline
+
+
+def _header(line: str) -> tuple[str, ...]:
+    """The names in a table's first row, whatever program wrote them."""
+    return tuple(name.strip(" \t\"'") for name in line.split(","))
 
 
 class Planned(Reference):
