@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import replace
@@ -17,7 +18,12 @@ from ttwmr_mj.studies.sweep.compute import Broke, Compute, Outcome
 from ttwmr_mj.studies.sweep.execute import fill
 from ttwmr_mj.studies.sweep.folder.merge import merge
 from ttwmr_mj.studies.sweep.folder.part import Part
-from ttwmr_mj.studies.sweep.folder.plan_file import refuse_foreign, stored_plan, write_plan
+from ttwmr_mj.studies.sweep.folder.plan_file import (
+    PLAN_FILE,
+    refuse_foreign,
+    stored_plan,
+    write_plan,
+)
 from ttwmr_mj.studies.sweep.folder.shards import shards_in
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -146,3 +152,35 @@ def test_a_folder_in_the_way_is_told_before_anything_runs(
     (tmp_path / "out" / name).mkdir()
     with pytest.raises(InputError, match=rf"a folder is in the way of {name}"):
         refuse_foreign(tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("place", "value", "told"),
+    [
+        (("timeout_s",), None, "timeout_s: got None"),
+        (("timeout_s",), float("inf"), "Infinity is no finite number"),
+        (("folder",), 5, "folder: got 5"),
+        (("name",), "<b>", "name: got '<b>'"),
+        (("seeds", 0), 10**30, "does not fit into 64 bits"),
+        (("headline_metric",), "x", "headline_metric: got 'x'; there is no such metric"),
+        (("parameters", "reference.radius_m", "values", 0), None, "radius_m.values.0: got None"),
+        (("parameters", "reference.radius_m", "axis"), "x", "does not say of which axis"),
+        (("parameters", "reference.radius_m", "values", 0), 0.25, "digest: .* which was changed"),
+        (("base", "duration_s"), 9.0, "digest: .* which was changed"),
+    ],
+)
+def test_a_plan_that_was_edited_is_refused_whole(
+    place: tuple[str | int, ...], value: object, told: str, tmp_path: Path
+) -> None:
+    plan = plan_of(tmp_path, SMALL)
+    for name in ("one", "two"):
+        write_plan(tmp_path / name, plan)
+    stored = json.loads((tmp_path / "one" / PLAN_FILE).read_text())
+    table = stored
+    for key in place[:-1]:
+        table = table[key]
+    table[place[-1]] = value
+    (tmp_path / "one" / PLAN_FILE).write_text(json.dumps(stored))
+    with pytest.raises(InputError, match=rf"one/plan\.json: no plan that .*{told}"):
+        merge((tmp_path / "one", tmp_path / "two"), tmp_path / "all")
+    assert not (tmp_path / "all").exists()

@@ -70,6 +70,18 @@ def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
         read_json(tmp_path / "b.json")
 
 
+@pytest.mark.parametrize("number", ["NaN", "-Infinity", "1e999", "9" * 30, "1" + "0" * 5000])
+def test_numbers_that_no_file_of_ours_holds_are_refused(number: str, tmp_path: Path) -> None:
+    (tmp_path / "a.json").write_text(f'{{"a": [1, -2.5e3, {2**63 - 1}]}}')
+    assert read_json(tmp_path / "a.json") == {"a": [1, -2500.0, 2**63 - 1]}
+    (tmp_path / "a.json").write_text(f'{{"a": [{number}]}}')
+    with pytest.raises(ValueError, match=r"finite number|64 bits|digits"):
+        read_json(tmp_path / "a.json")
+    (tmp_path / "a.json").write_text("[" * 100_000)
+    with pytest.raises(ValueError, match="too deep"):
+        read_json(tmp_path / "a.json")
+
+
 def looped(path: Path) -> None:
     path.symlink_to(path.name)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import glob
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -17,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
-from ttwmr_mj.errors import Fault, InputError, MachineError, require, shown
+from ttwmr_mj.errors import Fault, InputError, MachineError, cut, require, shown
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -69,17 +70,33 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """The object in a JSON file of ours.
+    """The object in a JSON file of ours: its numbers are finite, its whole ones of 64 bits.
 
     Raises:
         OSError: there is no such file; what is none, such as a pipe, is not waited for.
-        ValueError: it holds no object.
+        ValueError: it holds no such object.
     """
     no_device(path)
-    value = json.loads(path.read_text(encoding="utf-8"))
+    text = path.read_text(encoding="utf-8")
+    try:
+        value = json.loads(text, parse_int=_whole, parse_float=_finite, parse_constant=_finite)
+    except RecursionError:
+        raise ValueError(f"{path.name} holds tables and lists too deep within each other") from None
     if not isinstance(value, dict):
         raise ValueError(f"{path.name} holds no object")
     return value
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(number := float(text)):
+        raise ValueError(f"{cut(text, 20)} is no finite number")
+    return number
+
+
+def _whole(text: str) -> int:
+    if not -(2**63) <= (number := int(text)) < 2**63:
+        raise ValueError(f"{cut(text, 20)} does not fit into 64 bits")
+    return number
 
 
 def scratch_folder() -> Path:

@@ -7,14 +7,16 @@ import os
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError, described
+from ttwmr_mj.errors import Fault, InputError, cut, described, of_system
 from ttwmr_mj.files import read_json, write_json
 from ttwmr_mj.studies.pool.ingredients import differences
 from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
+from ttwmr_mj.studies.sweep.plan.axes import Table
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 PLAN_FILE = "plan.json"
 SHOWN = 12  # differences
+LONGEST = 500  # letters of what is wrong with a file
 
 
 def stored_plan(folder: Path) -> Plan | None:
@@ -27,11 +29,26 @@ def stored_plan(folder: Path) -> Plan | None:
     if not path.is_file():
         return None
     try:
-        return Plan.from_json(read_json(path))
-    except (ValueError, KeyError, TypeError, AttributeError, InputError) as error:
+        return _unchanged(read_json(path))
+    except (OSError, ValueError, InputError) as error:
         hint = "give another --out, or delete the file if its sweep is the one that is asked for"
-        fault = Fault(problem=f"no plan that this version can read: {described(error)}", hint=hint)
+        fault = Fault(problem=f"no plan that this version can read: {_told(error)}", hint=hint)
         raise InputError(fault, file=str(path)) from error
+
+
+def _unchanged(data: Table) -> Plan:
+    """The plan that a plan.json tells of, if it is the one that was written."""
+    plan = Plan.from_json(data)
+    if plan.digest != data["digest"]:
+        problem = "is not that of the rest of the file, which was changed"
+        raise InputError.at("digest", problem, got=repr(data["digest"]))
+    return plan
+
+
+def _told(error: Exception) -> str:
+    if isinstance(error, InputError):
+        return cut("; ".join(map(str, error.faults)), LONGEST)
+    return of_system(error) if isinstance(error, OSError) else described(error)
 
 
 def write_plan(folder: Path, plan: Plan) -> None:

@@ -18,16 +18,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ttwmr_mj.assets import scenarios_folder
-from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import check_scenario, put_value, set_value
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.sweep.plan import sampling
 from ttwmr_mj.studies.sweep.plan.axes import Axis, Table
 from ttwmr_mj.studies.sweep.plan.file import Sampling
-from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
+from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
+from ttwmr_mj.studies.sweep.plan.stored import FORMAT, StoredPlan
 
-FORMAT = 1  # of plan.json
 SHIPPED = ""  # in place of the folder of the shipped scenarios, which is elsewhere elsewhere
 
 
@@ -263,36 +262,24 @@ class Plan:
         """The plan that a plan.json tells of.
 
         Raises:
-            InputError: it was written by another version.
+            InputError: it was written by another version, or is none.
         """
-        if data.get("format") != FORMAT:
-            got = repr(data.get("format"))
-            raise InputError.at("format", "plan.json is of another version", got=got)
+        stored = StoredPlan.of(data)
         return cls(
-            name=data["name"],
-            description=data["description"],
-            scenario=data["scenario"],
-            base=data["base"],
-            folder=data["folder"],
-            overrides=tuple(data["overrides"]),
-            seeds=tuple(data["seeds"]),
-            sampling=data["sampling"],
-            samples=data["samples"],
-            sampling_seed=data["sampling_seed"],
-            sensitivity=data["sensitivity"],
-            axes=_axes_of(data["parameters"]),
-            variants={name: tuple(given) for name, given in data["variants"].items()},
-            metric=data["headline_metric"],
-            timeout_s=data["timeout_s"],
-            made_of=data["made_of"],
+            name=stored.name,
+            description=stored.description,
+            scenario=stored.scenario,
+            base=stored.base,
+            folder=stored.folder,
+            overrides=tuple(stored.overrides),
+            seeds=tuple(stored.seeds),
+            sampling=stored.sampling,
+            samples=stored.samples,
+            sampling_seed=stored.sampling_seed,
+            sensitivity=stored.sensitivity,
+            axes=stored.axes,
+            variants={name: tuple(given) for name, given in stored.variants.items()},
+            metric=stored.headline_metric,
+            timeout_s=stored.timeout_s,
+            made_of=stored.made_of,
         )
-
-
-def _axes_of(tables: Table) -> tuple[Axis, ...]:
-    axes: dict[int, dict[str, Parameter]] = {}
-    for key, table in tables.items():
-        given = {k: v for k, v in table.items() if k not in ("kind", "axis")}
-        parameter = parameter_of(given)
-        assert isinstance(parameter, Parameter), "plan.json holds what was checked"
-        axes.setdefault(table["axis"], {})[key] = parameter
-    return tuple(Axis(axes[k]) for k in sorted(axes))
