@@ -113,6 +113,46 @@ def test_rescoring_names_damaged_rows_and_scores_the_others(
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "key", "value"),
+    [
+        ("row.json", "status", "foo"),
+        ("row.json", "status", "failed"),  # with the verdict of a run that was finished
+        ("row.json", "run", "ttwmr"),
+        ("metrics.json", "status", "failed"),
+        ("metrics.json", "control_time_per_sample_us", None),
+        ("metrics.json", "control_time_per_sample_us", True),
+        ("metrics.json", "control_time_per_sample_us", -5.0),
+        ("metrics.json", "control_time_per_sample_us", float("nan")),
+        pytest.param("metrics.json", "control_time_per_sample_us", 10**400, id="large"),
+        ("trajectory.parquet", "ref_x_m", float("nan")),
+        ("trajectory.parquet", "saturated", 2.0),
+    ],
+)
+def test_rescoring_leaves_out_a_row_that_cannot_be_and_scores_the_others(
+    name: str, key: str, value: object, benched: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rows = sorted((benched / "out" / "runs").iterdir())
+    file = rows[0] / name
+    before = file.read_bytes()
+    if file.suffix == ".json":
+        file.write_text(json.dumps(json.loads(before) | {key: value}))
+    else:
+        table = pq.read_table(file)
+        place = table.schema.get_field_index(key)
+        pq.write_table(table.set_column(place, key, pa.array([value] * len(table))), file)
+    words = ["bench", str(benched / "pair.toml"), "--out", str(benched / "out"), "--rescore"]
+    try:
+        assert main([*words, "--quiet"]) == 1
+        (told,) = (line for line in capsys.readouterr().err.splitlines() if rows[0].name in line)
+        assert name in told or key == "run"
+        board = pq.read_table(benched / "out" / "leaderboard.parquet").to_pylist()
+        assert [row["controller"] for row in board] == ["tuned"]
+    finally:
+        file.write_bytes(before)
+
+
+@pytest.mark.slow
 def test_bench_runs_damaged_rows_again(benched: Path) -> None:
     rows = sorted((benched / "out" / "runs").iterdir())
     words = ["bench", str(benched / "pair.toml"), "--out", str(benched / "out"), "--quiet"]

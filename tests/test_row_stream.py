@@ -18,11 +18,11 @@ import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.metrics_file import MEASURED
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream, read_rows, read_run
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.files.folder import write_resolved
 from ttwmr_mj.runs.files.lock import locked
-from ttwmr_mj.runs.metrics import MEASURED
 
 QUIET = ["plant.kind=analytic", "output.recording=false", "output.figures=false"]
 

@@ -21,6 +21,7 @@ VerdictName = Literal[
     "interrupted",
     "killed",
 ]
+Status = Literal["ok", "diverged", "failed", "interrupted", "killed"]  # how a run ended
 SLIPPING_M_S = 0.03  # of a wheel over the ground; creep of tyres that roll is a tenth of that
 END_SHARE = 0.2  # of the time is "the last fifth of the run": a lap of the shipped 30 s circles
 GROWTH = 1.5  # times its start an error may first reach: the trailer swings as the tractor turns

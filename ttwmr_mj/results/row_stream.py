@@ -86,19 +86,29 @@ def read_rows(path: Path) -> Trajectory:
     return Trajectory.of_table(pa.Table.from_batches(batches), str(path))
 
 
+def rows_file(folder: Path) -> Path:
+    """Where the rows of a run folder are: of a run that was killed, in what was growing.
+
+    Raises:
+        InputError: there are none.
+    """
+    whole, growing = folder / "trajectory.parquet", folder / ROWS_FILE
+    if whole.is_file():
+        return whole
+    if growing.is_file():
+        return growing
+    raise InputError(
+        f"there is no trajectory.parquet and no {ROWS_FILE}: this is not a run folder, or "
+        "its run ended before a row was written",
+        file=str(folder),
+    )
+
+
 def read_run(folder: Path) -> Trajectory:
     """The rows of a run folder; of a run that was killed, those that it had written.
 
     Raises:
         InputError: there are none, or they cannot be read.
     """
-    whole, growing = folder / "trajectory.parquet", folder / ROWS_FILE
-    if whole.is_file():
-        return Trajectory.read(whole)
-    if not growing.is_file():
-        raise InputError(
-            f"there is no trajectory.parquet and no {ROWS_FILE}: this is not a run folder, or "
-            "its run ended before a row was written",
-            file=str(folder),
-        )
-    return read_rows(growing)
+    file = rows_file(folder)
+    return read_rows(file) if file.name == ROWS_FILE else Trajectory.read(file)

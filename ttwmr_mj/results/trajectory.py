@@ -186,8 +186,8 @@ class Trajectory:
             file: where it is from, for the error.
 
         Raises:
-            InputError: it lacks a column or has no rows, a column holds no numbers, or its times
-                do not increase.
+            InputError: it lacks a column or has no rows, a column holds no numbers or, of yes and
+                no, others than 0 and 1, or its times do not increase.
         """
         names = table.column_names
         # laws of older versions may have a signal that is called theta3_rad
@@ -201,7 +201,7 @@ class Trajectory:
             raise InputError(f"not a trajectory: {twice[0][:100]} is there twice", file=file)
         columns = {name: _numbers(table[name], name, file) for name in names}
         rising = np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0
-        if not rising.size or not rising.all():
+        if not rising.size or not rising.all() or not np.isfinite(columns["time_s"]).all():
             raise InputError("not a trajectory: its times do not increase", file=file)
         unknown = np.full((table.num_rows, 1), np.nan)
         columns |= {name: unknown for name in FOOTING if name not in columns}
@@ -210,6 +210,8 @@ class Trajectory:
             for name, names in column_table(width).items()
         }
         for name, blank in PER_SAMPLE.items():
+            if isinstance(blank, bool) and not np.isin(columns[name], (0.0, 1.0)).all():
+                raise InputError(f"not a trajectory: its column {name} is not 0 or 1", file=file)
             rows[name] = columns[name].astype(type(blank))
         rows |= {name: columns[name] for name in FOOTING}
         signals = {name: values for name, values in columns.items() if name not in known}

@@ -7,58 +7,29 @@ import numpy as np
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions, law_faults
 from ttwmr_mj.deadline import limited
-from ttwmr_mj.dynamics.floor.ground import Ground
-from ttwmr_mj.dynamics.floor.influence import DRY, influence_of
 from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.references.shared.carried import carried
-from ttwmr_mj.references.shared.hitched import has_spring
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.references.shared.reference import reference_faults, sampled
 from ttwmr_mj.registry import guarded
-from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.law.laws import START_LIMIT, leave_if_forked
 from ttwmr_mj.scenario.equations import plant_of_equations
+from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
 
-
-def sample_reference(scenario: Scenario) -> ReferencePath | None:
-    """The reference at every control sample of the run and a little beyond; None without one.
-
-    It is what the run is judged by: that of the robot that is driven, on the floor there is. A plan
-    is for the robot that it was made for.
-
-    Raises:
-        InputError: the robot cannot have this reference.
-    """
-    strange = bool(reference_faults(scenario.reference, scenario.robot))
-    robot = scenario.believed_robot if strange else scenario.robot
-    return _sampled(scenario, robot, scenario.ground)
-
-
-def believed_reference(scenario: Scenario) -> ReferencePath | None:
-    """The same as the controller is told it: of the robot and the floor that are believed in.
-
-    Raises:
-        InputError: that robot cannot have this reference.
-    """
-    return _sampled(scenario, scenario.believed_robot, scenario.believed_ground)
-
-
-def _sampled(scenario: Scenario, robot: RobotParameters, ground: Ground) -> ReferencePath | None:
-    faults = reference_faults(scenario.reference, robot)
-    if faults:
-        raise InputError(*(fault.within("reference") for fault in faults))
-    times = scenario.control.sampling_time_s * np.arange(scenario.samples, dtype=np.float64)
-    path = sampled(scenario.reference, times, robot)
-    influence = influence_of(robot, ground)
-    # of dry friction in the hitch nothing is made, nor of what acts on several trailers
-    acts = bool(influence[:DRY].any()) or has_spring(robot)
-    if path is None or not acts or len(robot.trailers) > 1:
-        return path
-    return carried(path, robot, influence)
+__all__ = [
+    "believed_reference",
+    "generator",
+    "generators",
+    "initial_state",
+    "make_controller",
+    "make_plant",
+    "make_sensor",
+    "refuse_reference",
+    "refuse_unbuildable",
+    "sample_reference",
+]
 
 
 def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:

@@ -12,14 +12,6 @@ from ttwmr_mj.runs.experiment import Result
 from ttwmr_mj.runs.judgement.judged import frame_metrics, judged
 from ttwmr_mj.scenario.schema import Scenario
 
-MEASURED = (  # in metrics.json, and different whenever a run is repeated
-    "control_time_per_sample_us",
-    "control_overruns",
-    "control_slowest_s",
-    "wall_time_s",
-    "real_time_factor",
-)
-
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
     """metrics.json of a run of one simulation: verdict and status first, then the numbers."""

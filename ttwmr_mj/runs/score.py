@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import no_device, read_json
-from ttwmr_mj.results.row_stream import ROWS_FILE, read_run
+from ttwmr_mj.files import no_device
+from ttwmr_mj.results.metrics_file import MEASURED
+from ttwmr_mj.results.row_stream import ROWS_FILE
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.build import sample_reference
-from ttwmr_mj.runs.closed_loop.loop import Outcome, Status
+from ttwmr_mj.runs.closed_loop.loop import Outcome
 from ttwmr_mj.runs.experiment import Result
 from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.runs.judgement.verdict import demands_of
-from ttwmr_mj.runs.metrics import MEASURED, repeatable_metrics, write_metrics
-from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.runs.metrics import repeatable_metrics, write_metrics
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.stored import StoredRun
 
 
 def score_run(folder: Path) -> dict[str, Any]:
@@ -28,7 +28,8 @@ def score_run(folder: Path) -> dict[str, Any]:
     the run was killed, unless its last row is there; how long things took is null then.
 
     Raises:
-        InputError: it is no run folder, what it holds cannot be read, or the run still goes on.
+        InputError: it is no run folder, what it holds cannot be read or be of one run, or the run
+            still goes on.
     """
     if not (folder / "scenario.resolved.toml").is_file():
         problem = "no run folder, it has no scenario.resolved.toml"
@@ -39,31 +40,18 @@ def score_run(folder: Path) -> dict[str, Any]:
         except OSError as error:
             raise InputError("is not a regular file", file=str(folder / name)) from error
     with locked(folder, key="RUN"):
-        scenario = load_scenario(str(folder / "scenario.resolved.toml"))
-        rows = read_run(folder)
-        stored = _stored(folder / "metrics.json")
-        outcome = _outcome_as_stored(stored) if stored else _outcome(rows, scenario)
-        demands = demands_of(scenario, sample_reference(scenario))
+        run = StoredRun.read(folder)
+        scenario, rows, stored = run.scenario, run.rows, run.metrics
+        outcome = _outcome(rows, scenario) if stored is None else _outcome_as_stored(stored)
+        demands = demands_of(scenario, run.reference)
         result = Result(scenario, rows, (outcome,), {}, np.empty(0), demands)
         metrics = repeatable_metrics(result, scenario)
-        metrics |= {name: stored.get(name) for name in MEASURED}
+        metrics |= {name: (stored or {}).get(name) for name in MEASURED}
         if not (folder / "trajectory.parquet").is_file():
             rows.write(folder / "trajectory.parquet")
         write_metrics(folder, metrics)
         (folder / ROWS_FILE).unlink(missing_ok=True)
     return metrics
-
-
-def _stored(path: Path) -> dict[str, Any]:
-    """What metrics.json says that no trajectory tells; empty where it is missing or damaged."""
-    try:
-        stored = read_json(path)
-        numbers = [stored["end_time_s"], *(stored[name] or 0.0 for name in MEASURED)]
-        known = stored["status"] in get_args(Status) and isinstance(stored["reason"], str)
-        whole = known and all(isinstance(number, int | float) for number in numbers)
-    except (OSError, ValueError, KeyError, TypeError):
-        return {}
-    return stored if whole else {}
 
 
 def _outcome_as_stored(stored: dict[str, Any]) -> Outcome:

@@ -10,10 +10,10 @@ import numpy as np
 
 from ttwmr_mj.errors import InputError, at_least, described
 from ttwmr_mj.results.curves import Curves, trailer_com
-from ttwmr_mj.results.row_stream import read_run
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.stored import StoredRun
 from ttwmr_mj.state import FloatArray
 
 MOST_FRAMES = 200_000  # two hours of video
@@ -63,9 +63,9 @@ class Footage:
             raise InputError(f"{folder}: no run folder, it has no trajectory.parquet")
         if not 0.0 < speed < float("inf"):
             raise InputError.at("--speed", got=f"{speed:g}", allowed="more than 0")
-        scenario = load_scenario(str(folder / "scenario.resolved.toml"))
-        rows = read_run(folder)
-        alive = np.isfinite(rows.q[:, 0]).all(axis=1)
+        run = StoredRun.read(folder)
+        scenario, rows = run.scenario, run.rows
+        alive = (np.abs(rows.q[:, 0]) <= ESCAPE).all(axis=1)  # where a run ends it may be far away
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         last_s = float(rows.time_s[-1]) if len(rows) else 0.0
         stop_s = last_s if stop_s is None else min(stop_s, last_s)

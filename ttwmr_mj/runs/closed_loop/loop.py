@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from time import perf_counter
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.errors import MachineError
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.footing import FLOWN_M, TIPPED_RAD, Footing
+from ttwmr_mj.results.accept import Status
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.pace import Pace
@@ -22,7 +23,6 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
 from ttwmr_mj.state import FloatArray, RobotState
 
-Status = Literal["ok", "diverged", "failed", "interrupted", "killed"]
 Report = Callable[[Trajectory], None]
 STANCES = 1000  # samples that may wait until their footing is computed, all at once
 

@@ -5,10 +5,11 @@ import shlex
 from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from ttwmr_mj.errors import Fault, InputError, of_system
 from ttwmr_mj.files import read_json, resolved, write_json
+from ttwmr_mj.results.accept import Status
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.runs.files.lock import NAME as LOCK
 from ttwmr_mj.runs.files.lock import locked
@@ -71,7 +72,10 @@ def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     except OSError as error:
         raise ValueError(of_system(error)) from error
     known = all(isinstance(stored.get(key), str) for key in ("status", "reason", "verdict", "run"))
-    if not known or stored["verdict"] not in VERDICTS:
+    ended = stored.get("status"), stored.get("verdict")
+    # what did not come to its end has that for its verdict
+    agree = ended[0] == "ok" or (ended[0] == ended[1] and ended[0] in get_args(Status))
+    if not known or ended[1] not in VERDICTS or not agree:
         raise ValueError(f"{ROW_FILE} does not say how the run ended")
     return stored
 

@@ -5,20 +5,21 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError, RunError, described
+from ttwmr_mj.errors import Fault, InputError, RunError, described
 from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import Metrics, score
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.results.verdict import Verdict
-from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.judgement.judged import judged
 from ttwmr_mj.runs.judgement.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.bench.execute import row_folder, stored_row
+from ttwmr_mj.scenario.stored import StoredRun
+from ttwmr_mj.studies.bench.execute import ROW_FILE, row_folder, stored_row
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked, without_repeats
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
 
+TIME_KEY = "control_time_per_sample_us"
 NEEDED = ("scenario.resolved.toml", "trajectory.parquet", "metrics.json")
 
 
@@ -55,7 +56,7 @@ def collect(suite: Suite, folder: Path) -> Board:
         try:
             scored = _scored(row, folder)
         except Exception as error:  # whatever a damaged file, or a stranger's, makes of our readers
-            damaged[row.key] = described(error).splitlines()[0]
+            damaged[row.key] = _why(error)
             continue
         if scored is not None:
             groups[tuple(row.names[axis] for axis in AXES)].append((row, scored))
@@ -69,6 +70,13 @@ def collect(suite: Suite, folder: Path) -> Board:
     names = {axis: [line.names[axis] for line in lines] for axis in AXES}
     order = {axis: list(dict.fromkeys([*getattr(suite, axis), *names[axis]])) for axis in AXES}
     return Board(ranked(lines, order), len(rows), made_by, damaged)
+
+
+def _why(error: Exception) -> str:
+    """In a line."""
+    if isinstance(error, InputError):
+        return "; ".join(line.strip() for line in str(error).splitlines())
+    return described(error).splitlines()[0]
 
 
 def told_damaged(damaged: dict[str, str]) -> str:
@@ -149,12 +157,10 @@ def _last_line(text: str) -> str:
 
 def _judged(folder: Path) -> tuple[Metrics, Verdict]:
     """Metrics and verdict of a run, made afresh; the control time is as it was measured."""
-    scenario = load_scenario(str(folder / "scenario.resolved.toml"))
-    trajectory = Trajectory.read(folder / "trajectory.parquet")
-    stored = read_json(folder / "metrics.json")
-    key = "control_time_per_sample_us"
-    if not isinstance(stored[key], int | float):
-        raise InputError.at(key, got=repr(stored[key]), allowed="a number")
-    numbers = {**score(judged(trajectory, scenario), scenario.robot)[0], key: stored[key]}
-    demands = demands_of(scenario, sample_reference(scenario))
-    return numbers, verdict_on(scenario, trajectory, demands)
+    run, said = StoredRun.read(folder), read_metrics(folder / "metrics.json")
+    if said["status"] != "ok" or said[TIME_KEY] is None:
+        fault = Fault(problem=f"is not that of a run that came to its end, which {ROW_FILE} tells")
+        raise InputError(fault, file=str(folder / "metrics.json"))
+    numbers = score(judged(run.rows, run.scenario), run.scenario.robot)[0]
+    demands = demands_of(run.scenario, run.reference)
+    return {**numbers, TIME_KEY: said[TIME_KEY]}, verdict_on(run.scenario, run.rows, demands)

@@ -1,0 +1,142 @@
+"""A run read back from its folder, and refused where its files cannot be of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.references.shared.path import ReferencePath
+from ttwmr_mj.results.metrics_file import read_metrics
+from ttwmr_mj.results.row_stream import read_run, rows_file
+from ttwmr_mj.results.trajectory import FOOTING, Trajectory, q_names
+from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.limits import ESCAPE
+from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.state import FloatArray
+
+# m, rad, and of both in a second: other processors and libraries round otherwise, by some 1e-12,
+# and no motion that differs by less is judged otherwise
+SAME = 1e-6
+MOST_WHEELS = 2
+UNKNOWN = (*FOOTING, "labels_found")  # NaN in all rows where nothing tells them
+HINT = "the file is damaged, or of another run; run the scenario again"
+
+
+@dataclass(frozen=True, slots=True)
+class StoredRun:
+    """What a run folder holds of a run, whichever command made it.
+
+    Attributes:
+        scenario: that was run.
+        rows: as a batch of one; of a run that was killed, those that were written.
+        reference: that it is judged by; None without one.
+        metrics: what metrics.json says; None where it is missing or damaged.
+    """
+
+    scenario: Scenario
+    rows: Trajectory
+    reference: ReferencePath | None
+    metrics: dict[str, Any] | None
+
+    @classmethod
+    def read(cls, folder: Path) -> Self:
+        """Read a run folder.
+
+        Raises:
+            InputError: it is none, or its rows cannot be read or be of its scenario; with the
+                file's name.
+        """
+        scenario = load_scenario(str(folder / "scenario.resolved.toml"))
+        metrics = None
+        with suppress(InputError):
+            metrics = read_metrics(folder / "metrics.json")
+        run = cls(scenario, read_run(folder), sample_reference(scenario), metrics)
+        if (problem := next(run._problems(), None)) is not None:
+            fault = Fault(problem=problem, hint=HINT)
+            raise InputError(fault, file=str(rows_file(folder)))
+        return run
+
+    @property
+    def _end_s(self) -> float:
+        """When it ended, as far as is known."""
+        return float(self.metrics["end_time_s"] if self.metrics else self.rows.time_s[-1])
+
+    def _problems(self) -> Iterator[str]:
+        """Why the rows cannot be of the scenario; each holds only where those before do not."""
+        driven, given = self.rows.q.shape[-1] - 3, len(self.scenario.robot.trailers)
+        if driven != given:
+            trailers = "1 trailer" if driven == 1 else f"{driven} trailers"
+            yield f"is of a robot with {trailers}, and its scenario has {given}"
+        yield from self._wrong_times()
+        yield from self._wrong_reference()
+        yield from self._wrong_values()
+
+    def _wrong_times(self) -> Iterator[str]:
+        """Rows are one per control period, from 0 to where the run ended."""
+        time_s, period_s = self.rows.time_s, self.scenario.control.sampling_time_s
+        count, whole = len(time_s), self.scenario.periods + 1
+        if count > whole:
+            yield f"has {count} rows, and a run of its scenario has {whole}"
+        expected_s = period_s * np.arange(count)
+        if (wrong := np.abs(time_s - expected_s) > SAME * period_s).any():
+            k = int(wrong.argmax())
+            yield f"has a row at {time_s[k]:g} s where its scenario has one at {expected_s[k]:g} s"
+        if self.metrics is None:
+            return
+        # driven by hand and stopped at once, a run has one row and a scenario of one period
+        stopped = (count, whole, self._end_s) == (1, 2, 0.0)
+        if self.metrics["status"] == "ok" and count < whole and not stopped:
+            yield f"has {count} of {whole} rows, though metrics.json says that the run was finished"
+        if time_s[-1] < self._end_s - 0.5 * period_s:
+            last = f"ends at {time_s[-1]:g} s"
+            yield f"{last}, though metrics.json says that the run went on until {self._end_s:g} s"
+
+    def _wrong_reference(self) -> Iterator[str]:
+        """It was written beside the rows, and is sampled again."""
+        rows, path, count = self.rows, self.reference, len(self.rows)
+        if path is None:
+            if not np.isnan(rows.ref_q).all():
+                yield "has a reference, and its scenario has none"
+            return
+        pairs = (rows.ref_q, path.q), (rows.ref_q_rate, path.q_rate)
+        for stored, sampled in pairs:
+            same = _equal(stored, sampled[:count]).all(axis=(1, 2))
+            if not same.all():
+                first_s = rows.time_s[same.argmin()]
+                yield f"its reference is not that of its scenario, from {first_s:g} s on"
+
+    def _wrong_values(self) -> Iterator[str]:
+        """In rows that were reached before the run ended; in one that failed the last may miss."""
+        rows, ok = self.rows, self.metrics is not None and self.metrics["status"] == "ok"
+        half_s = 0.5 * self.scenario.control.sampling_time_s
+        reached = len(rows) if ok else int(np.sum(rows.time_s < self._end_s - half_s))
+        for name, values in rows.to_columns().items():
+            if name.startswith("ref_") or name in rows.signals:
+                continue
+            sound = np.abs(values) <= _most(name, rows.q.shape[-1])
+            if name in UNKNOWN and np.isnan(values[:reached]).all():
+                continue
+            if not sound[:reached].all():
+                k = int(sound.argmin())
+                yield f"its column {name} is {values[k]:g} at {rows.time_s[k]:g} s"
+
+
+def _most(name: str, width: int) -> float:
+    """How large a number of a column may be."""
+    if name in q_names(width):
+        return ESCAPE
+    if name == "measurement_age_s":  # infinite until there is a first measurement
+        return np.inf
+    return MOST_WHEELS if name == "wheels_on_floor" else np.finfo(float).max
+
+
+def _equal(one: FloatArray, other: FloatArray) -> Any:
+    """Where numbers are the same or both undefined."""
+    return (np.abs(one - other) <= SAME) | (np.isnan(one) & np.isnan(other))
