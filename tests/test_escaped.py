@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import tomllib
 from collections import Counter
 from pathlib import Path
@@ -11,12 +12,13 @@ from test_hostile_arrays import law_beside
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import Fault, InputError, described, in_markdown, of_system
+from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.report import details_text, result_text, summary
-from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.scenario.file import check_scenario, load_scenario
 from ttwmr_mj.studies.bench.leaderboard import to_markdown
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run
 from ttwmr_mj.studies.bench.page import to_html
-from ttwmr_mj.studies.bench.scoring import Board
+from ttwmr_mj.studies.bench.scoring import Board, maker_of
 
 EVIL = "\x1b]0;owned\x07<script>alert(1)</script> ![x](http://a/b) `rm` | a | b\n# Best\n```\n- x"
 
@@ -75,7 +77,7 @@ def test_a_leaderboard_tells_a_stranger_s_words() -> None:
     names = {"controller": "a", "task": "b", "plant": "c", "sensing": "d", "disturbance": "none"}
     run = Run(0, "failed", f"failed: {EVIL}", False, dict.fromkeys(COLUMNS))
     line = Line(names, (run,), "steady", True, f"ttwmr run x --set 'a={EVIL}'", None)
-    board = Board([line], 1, Counter({"1.0": 1}))
+    board = Board([line], 1, Counter({f"version {EVIL}": 1}))
     text = to_markdown(board, f"mine: {EVIL}")
     commands = text[text.index("```sh") :]
     assert commands.count("```") == 2
@@ -84,6 +86,36 @@ def test_a_leaderboard_tells_a_stranger_s_words() -> None:
     page = to_html(board, f"mine: {EVIL}")
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert" in page
+
+
+def test_who_made_a_run_is_told_in_a_line(tmp_path: Path) -> None:
+    manifest = tmp_path / "manifest.json"
+    for version, commit, told in (
+        ("1.2", "0123456789abcdef-dirty", "version 1.2, commit 0123456789ab-dirty"),
+        (EVIL, None, r"version \x1b]0;owned\x07<script>alert(1)</script>"),
+        ("1.2", f"abc-{EVIL}", r"version 1.2, commit abc-\x1b]0;owned\x07<script>"),
+        (["1.2"], "abc", "unknown"),
+    ):
+        manifest.write_text(json.dumps({"ttwmr_mj": version, "git_commit": commit}))
+        maker = maker_of(tmp_path)
+        assert maker.startswith(told)
+        assert len(maker.splitlines()) == 1
+        assert "\x1b" not in maker
+
+
+def test_a_run_that_is_scored_again_commands_nothing(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bare = ["output.recording=false", "output.figures=false", "plant.kind=analytic"]
+    run_scenario(load_scenario("lab_circle", ["duration_s=0.1", *bare]), tmp_path)
+    file = tmp_path / "metrics.json"
+    said = json.loads(file.read_text()) | {"status": "failed", "reason": EVIL}
+    file.write_text(json.dumps(said))
+    assert main(["score", str(tmp_path)]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("failed: \\x1b]0;owned\\x07<script>")
+    assert "\x1b" not in told
+    assert "\n# Best" not in told
 
 
 def test_the_terminal_gets_no_command(

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument
 from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.errors import in_one_line
 
 
 class Score(Quiet, name="score"):
@@ -19,7 +20,8 @@ class Score(Quiet, name="score"):
         if self.quiet:
             print(self.run)
             return 0
-        print("\n".join(filter(None, [verdict_line(metrics), headline(metrics)])) + "\n")
+        verdict = in_one_line(verdict_line(metrics))  # whose reason a stranger may have written
+        print("\n".join(filter(None, [verdict, headline(metrics)])) + "\n")
         print(results_table(metrics))
         print(f"\nwritten: {self.run / 'metrics.json'}")
         return 0

@@ -153,7 +153,12 @@ def _one_line(command: str) -> str:
 def to_summary(board: Board, title: str) -> str:
     """Rules and overview alone."""
     rules = "\n".join(f"- {rule}" for rule in RULES)
-    parts = [f"# {in_markdown(title)}\n", f"{status(board)}\n", f"{rules}\n", f"{CAPTION}\n"]
+    parts = [
+        f"# {in_markdown(title)}\n",
+        f"{in_markdown(status(board))}\n",
+        f"{rules}\n",
+        f"{CAPTION}\n",
+    ]
     told = failures(board.lines)
     for task, rows in overview(board.lines).items():
         parts.append(f"**{task}**\n\n{table(rows)}\n")

@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ttwmr_mj.errors import Fault, InputError, RunError, described
+from ttwmr_mj.errors import Fault, InputError, RunError, cut, described, in_one_line
 from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.metrics_file import read_metrics
@@ -60,7 +60,7 @@ def collect(suite: Suite, folder: Path) -> Board:
             continue
         if scored is not None:
             groups[tuple(row.names[axis] for axis in AXES)].append((row, scored))
-            made_by[_maker(row_folder(row, folder))] += 1
+            made_by[maker_of(row_folder(row, folder))] += 1
     if not groups and damaged:
         raise RunError(told_damaged(damaged))
     if not groups:
@@ -87,14 +87,15 @@ def told_damaged(damaged: dict[str, str]) -> str:
     return "\n".join([head, *lines])
 
 
-def _maker(folder: Path) -> str:
+def maker_of(folder: Path) -> str:
     """Version and commit that made a run; unknown for one that never started, or does not say."""
     try:
         said = read_json(folder / "manifest.json")
         commit, *dirty = (said["git_commit"] or "unknown").split("-", 1)
-        return f"version {said['ttwmr_mj']}, commit {'-'.join([commit[:12], *dirty])}"
+        version = said["ttwmr_mj"].strip()
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return "unknown"
+    return in_one_line(cut(f"version {version}, commit {'-'.join([commit[:12], *dirty])}"))
 
 
 def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
