@@ -23,7 +23,9 @@ from ttwmr_mj.studies.compare.explain.attribution import (
     over_time,
     table,
 )
+from ttwmr_mj.studies.compare.explain.convergence import converge, refined
 from ttwmr_mj.studies.compare.explain.effects import EFFECTS, with_effects
+from ttwmr_mj.studies.compare.pair import run_pair
 
 BRISK = ((0.5, 5.0, 5.0), (0.8, 5.6, 3.2))
 
@@ -95,6 +97,47 @@ def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     assert result.as_json()["solver_share"]["position"] == pytest.approx(sum(own))
 
 
+LATE = {"command_latency_s": 0.01, "command_jitter_s": 0.033, "command_drop_probability": 0.3}
+
+
+@pytest.mark.parametrize("real_wheels", [False, True])
+@pytest.mark.parametrize(
+    "more",
+    [{"robot": {"servo": {"velocity_gain_n_m_s_rad": 0.2}}}, {"world": "lab", "control": LATE}],
+    ids=["weak_servo", "motor_and_late_commands"],
+)
+def test_what_is_explained_is_the_deviation_that_is_told(
+    more: dict[str, Any], real_wheels: bool
+) -> None:
+    pair = run_pair(open_loop((0.2, 5.0, 5.0), (0.2, 5.6, 3.2), **more), real_wheels=real_wheels)
+    run = pair.contact
+    result = attribute(run.scenario, run.commands, real_wheels=real_wheels)
+    assert ("servo" in result.present) == (not real_wheels)
+    for quantity, rows in result.tables.items():
+        told = pair.numbers[f"{quantity}_deviation_rms_{attribution.unit_of(quantity)}"]
+        assert rows[-1].size == pytest.approx(told, rel=1e-9)
+        assert sum(row.size for row in rows[:-1]) == pytest.approx(told)
+    shares = {row.name: row.share for row in result.tables["position"]}
+    assert shares["rest"] == pytest.approx(0.0, abs=0.05)
+
+
+def test_what_is_refined_is_the_deviation_that_is_told() -> None:
+    full = open_loop((0.2, 5.0, 5.0), (0.2, 5.6, 3.2), world="lab")
+    pair = run_pair(full, real_wheels=True)
+    run = pair.contact
+    study = converge(run.scenario, run.commands, levels=2, real_wheels=True)
+    for name, values in study.deviations.items():
+        assert values[0] == pytest.approx(pair.numbers[name], rel=1e-9), name
+    assert study.orders["position_deviation_max_m"] == pytest.approx(1.0, abs=0.1)
+
+
+def test_what_a_world_fills_in_can_be_switched_off() -> None:
+    full = open_loop(*BRISK, world="lab")
+    assert full.robot.servo.motor
+    assert with_effects(full, ()).robot.servo.motor is None
+    assert refined(full, 0).robot.servo.motor is None
+
+
 def test_what_cannot_be_switched_off_whole_is_extrapolated(monkeypatch: pytest.MonkeyPatch) -> None:
     """By hand: a deviation to which each effect adds its size, and two effects their product."""
     sizes_m = {"timestep": 1.0, "contact_compliance": 3.0, "caster_inertia": 20.0}
@@ -119,12 +162,10 @@ def test_what_cannot_be_switched_off_whole_is_extrapolated(monkeypatch: pytest.M
         part["both"] = 0.5 * part["servo"] * part["hitch_friction"]
         return part
 
-    def between(variant: Scenario, _: Scenario) -> SimpleNamespace:
+    def deviation(variant: Scenario) -> SimpleNamespace:
         return SimpleNamespace(q=np.full((1, 4), sum(made(variant).values())))
 
-    for play in ("replay_contact", "replay_analytic"):
-        monkeypatch.setattr(attribution, play, lambda variant, _: variant)
-    monkeypatch.setattr(attribution, "Deviation", SimpleNamespace(between=between))
+    monkeypatch.setattr(attribution, "deviation_under", lambda *_, **__: deviation)
     rows = attribute(full, np.zeros((1, 2))).tables["theta1"]
     size = {row.name: row.size for row in rows}
     alone = {row.name: row.alone for row in rows}

@@ -115,6 +115,28 @@ def test_the_files(tmp_path: Path) -> None:
     assert "ttwmr compare scenario.resolved.toml --no-attribution" in page
 
 
+def test_two_controllers_are_told_to_leave_nothing_to_attribute(tmp_path: Path) -> None:
+    scenario = load_scenario("lab_circle", ["duration_s=0.2"])
+    options = Options(mode="closed_loop", converge=True, recording=False, figures=False)
+    report = compare_scenario(scenario, tmp_path, options).report
+    assert report["attribution"] is None
+    left_out, refined = report["notes"]
+    assert "compare in open loop" in left_out
+    assert refined.startswith("convergence: made in open loop")
+    page = (tmp_path / "report.html").read_text()
+    assert left_out in page
+    assert "Where it comes from" not in page
+    assert "ttwmr compare scenario.resolved.toml --mode closed_loop --converge" in page
+    for words in (plain(report), markdown(report)):
+        assert "compare in open loop" in words.replace("\n", " ")
+
+
+def test_a_fit_refuses_commands_that_are_late(tmp_path: Path) -> None:
+    late = load_scenario("open_loop_turn", ["control.command_latency_s=0.01"])
+    with pytest.raises(InputError, match=r"--fit: .*control\.command_latency_s"):
+        compare_scenario(late, tmp_path, Options(fit=True))
+
+
 def test_the_page_tells_where_the_deviation_comes_from(tmp_path: Path) -> None:
     options = Options(recording=False, figures=False)
     report = compare_scenario(open_loop((0.2, 5.0, 4.0)), tmp_path, options).report

@@ -13,7 +13,8 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs.build import initial_state, make_plant, sample_reference
+from ttwmr_mj.runs.build import generator, initial_state, make_plant, sample_reference
+from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.loop import Outcome, Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.experiment import Experiment
@@ -111,7 +112,22 @@ def replay_contact(scenario: Scenario, commands: FloatArray) -> Trajectory:
     Raises:
         RunError: the physics broke.
     """
-    plant = make_plant(on_plant(scenario, "contact"))
+    return _replay_sound(scenario, commands, make_plant(on_plant(scenario, "contact")))
+
+
+def replay_contact_run(scenario: Scenario, commands: FloatArray) -> ContactRun:
+    """The same, known at every physics step."""
+    scenario = on_plant(scenario, "contact")
+    plant = make_plant(scenario)
+    assert isinstance(plant, ContactPlant)
+    plant.keep_physics_rate()
+    rows = _replay_sound(scenario, commands, plant)
+    start = initial_state(scenario, sample_reference(scenario))
+    physics = PhysicsRate.of(plant, start, rows.wheel_speed_rad_s[0])
+    return ContactRun(scenario, start, rows, physics)
+
+
+def _replay_sound(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory:
     rows = replay(scenario, commands, plant)
     if plant.failed().any():
         raise RunError(
@@ -127,11 +143,16 @@ def replay(scenario: Scenario, commands: FloatArray, plant: Plant) -> Trajectory
 
 
 class Replay:
-    """A plant driven from the scenario's start through commands that arrive in chunks."""
+    """A plant driven from the scenario's start through commands that are given in chunks.
+
+    They reach it as they did in the run: as late, and the same of them lost.
+    """
 
     def __init__(self, scenario: Scenario, plant: Plant) -> None:
         self._plant = plant
-        self._steps = round(scenario.control.sampling_time_s / plant.time_step_s)
+        steps = round(scenario.control.sampling_time_s / plant.time_step_s)
+        chance = generator(scenario.seed, "commands", 0)  # of a run's only simulation
+        self._actuation = Actuation(scenario.control, steps, [chance])
         self._command: FloatArray | None = None  # of the last sample so far
         self._trailers = len(scenario.robot.trailers)
         plant.reset(initial_state(scenario, sample_reference(scenario), plant.nsim))
@@ -142,7 +163,7 @@ class Replay:
         rows = Trajectory.empty(time_s, plant.nsim, trailers=self._trailers)
         for k, command in enumerate(commands):
             if self._command is not None:
-                plant.advance(self._command, self._steps)
+                self._actuation.drive(plant, self._command)
             state = plant.state()
             rows.q[k], rows.q_rate[k] = state.q, state.q_rate
             rows.wheel_speed_rad_s[k] = plant.wheel_speed_rad_s()

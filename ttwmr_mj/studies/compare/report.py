@@ -117,7 +117,7 @@ def _commands(report: dict[str, Any]) -> list[str]:
     asked = {
         "--mode closed_loop": report["mode"] == "closed_loop",
         "--real-wheels": report["analytic_driven_by"] == "actual wheel speeds",
-        "--no-attribution": report["attribution"] is None,
+        "--no-attribution": report["attribution"] is None and report["mode"] == "open_loop",
         "--converge": report["convergence"] is not None,
         "--fit": report["fit"] is not None,
     }

@@ -43,9 +43,9 @@ class Options:
             each under its own controller.
         real_wheels: in open loop, drive the analytic model with the actual wheel speeds, not
             the commanded ones: only slip is left, without the servo.
-        attribute: make the attribution tables (always in open loop, under commands).
+        attribute: make the attribution tables, in open loop.
         converge: make the convergence study.
-        fit: fit the extended model.
+        fit: fit the extended model, always under the commands of the contact run.
         validate_on: scenario that the fit is validated on; None takes a shipped one.
         tolerance: TOML file of allowed values.
         recording, figures: leave run.rrd and figures/.
@@ -60,6 +60,11 @@ class Options:
     tolerance: Path | None = None
     recording: bool = True
     figures: bool = True
+
+    @property
+    def attributed(self) -> bool:
+        """Whether the attribution is made; two controllers leave no one command history for it."""
+        return self.attribute and self.mode == "open_loop"
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,11 +144,13 @@ def compare_scenario(
 def _study(
     pair: Pair, unseen: Scenario | None, options: Options, progress: Progress | None
 ) -> _Findings:
-    parts = _parts(progress, options.attribute + options.converge + options.fit)
+    parts = _parts(progress, options.attributed + options.converge + options.fit)
     scenario, commands = pair.contact.scenario, pair.contact.commands
+    explain = partial(attribute, scenario, commands, real_wheels=options.real_wheels)
+    refine = partial(converge, scenario, commands, real_wheels=options.real_wheels)
     return _Findings(
-        attribution=attribute(scenario, commands, next(parts)) if options.attribute else None,
-        convergence=converge(scenario, commands, next(parts)) if options.converge else None,
+        attribution=explain(next(parts)) if options.attributed else None,
+        convergence=refine(next(parts)) if options.converge else None,
         fit=fit(pair.contact, run_contact(unseen), next(parts)) if unseen else None,
     )
 
@@ -159,6 +166,7 @@ def _report(
         "seed": scenario.seed,
         "mode": options.mode,
         "analytic_driven_by": _driver(options),
+        "notes": _notes(options),
         "verdicts": {kind: str(verdict) for kind, verdict in pair.verdicts.items()},
         **pair.deviation.numbers(),
         "first_exceeded": pair.deviation.times(),
@@ -202,7 +210,7 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         "--real-wheels": options.real_wheels,
         "--fit": options.fit,
         "--converge": options.converge,
-        "the attribution": options.attribute,
+        "the attribution": options.attributed,
     }
     if scenario.plant.analytic.extended and (asked := [k for k, on in plain_only.items() if on]):
         problem = f"cannot be combined with {' and '.join(asked)}"
@@ -214,6 +222,11 @@ def _refuse_contradictions(scenario: Scenario, options: Options) -> None:
         problem = "the extended model is driven by wheel speeds, this scenario by torques"
         hint = "set control.inner_loop to 'velocity_servo'"
         raise InputError.at("--fit", problem, got=scenario.control.inner_loop, hint=hint)
+    channel = ("command_latency_s", "command_jitter_s", "command_drop_probability")
+    if options.fit and (late := [key for key in channel if getattr(scenario.control, key)]):
+        problem = "the extended model gets every command at once, in this scenario they are late"
+        hint = "set it to 0"
+        raise InputError.at("--fit", problem, got=f"control.{late[0]}", hint=hint)
     hitches = {(h.damping_n_m_s_rad, h.coulomb_friction_n_m) for h in scenario.robot.hitches}
     if options.fit and len(hitches) > 1:
         problem = "fits one damping and one dry friction to all hitches, but these hitches differ"
@@ -224,6 +237,28 @@ def _driver(options: Options) -> str:
     if options.mode == "closed_loop":
         return "its own controller"
     return "actual wheel speeds" if options.real_wheels else "commands"
+
+
+def _notes(options: Options) -> list[str]:
+    """What the studies of a comparison do not say about the deviation that it prints."""
+    notes = []
+    closed = options.mode == "closed_loop"
+    if options.attribute and not options.attributed:
+        notes.append(
+            "where the deviation comes from is left out: each plant is driven by its own "
+            "controller, so there are no commands common to both under which effects could be "
+            "switched off and on; compare in open loop, the default, to see it"
+        )
+    studies = {
+        "convergence": options.converge and closed,
+        "fit": options.fit and (closed or options.real_wheels),
+    }
+    if names := [name for name, apart in studies.items() if apart]:
+        notes.append(
+            f"{' and '.join(names)}: made in open loop, both plants driven by the commands of the "
+            "contact run, so their deviations are not the ones compared here"
+        )
+    return notes
 
 
 def _unseen(scenario: Scenario, options: Options) -> Scenario:

@@ -1,5 +1,6 @@
 """A comparison in words, for the terminal and the recording."""
 
+import textwrap
 from collections.abc import Iterable, Iterator
 from typing import Any
 
@@ -28,15 +29,18 @@ NAMES = {effect.name: effect.text for effect in EFFECTS} | {
 SYMBOLS = {"position": "P", **TRAILERS}  # the quantities that are explained
 
 
+WIDTH = 100  # columns of a terminal that running text fills
 HEAD = ("", "alone", "interaction", "contribution", "share")
 
 
 def plain(report: dict[str, Any]) -> str:
     """The report for a terminal."""
     lines = [*_verdicts(report), "", *_aligned(_summary(report))]
+    for note in report["notes"]:
+        lines += ["", *textwrap.wrap(note, WIDTH)]
     for symbol, rows, note in _explained(report):
         lines += ["", f"where the deviation of {symbol} comes from"]
-        lines += ["  {:34s} {:>9s} {:>12s} {:>15s} {:>9s}".format(*row) for row in (HEAD, *rows)]
+        lines += ["  {:44s} {:>9s} {:>12s} {:>15s} {:>9s}".format(*row) for row in (HEAD, *rows)]
         lines += note
     if study := report["convergence"]:
         numbers = {
@@ -70,6 +74,7 @@ def markdown(report: dict[str, Any]) -> str:
         *(f"- {line}" for line in _verdicts(report)),
         "",
         *_table(("", ""), _summary(report)),
+        *(line for note in report["notes"] for line in ("", note)),
     ]
     for symbol, rows, note in _explained(report):
         lines += ["", f"Where the deviation of {symbol} comes from", "", *_table(HEAD, rows)]

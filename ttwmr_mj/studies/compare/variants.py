@@ -22,9 +22,10 @@ def on_plant(scenario: Scenario, kind: Literal["contact", "analytic"]) -> Scenar
 def changed(scenario: Scenario, values: dict[str, Any]) -> Scenario:
     """The scenario with values replaced, key.path → value; the result is checked like a file.
 
-    Keys are this package's own, so a wrong one is a mistake here and raises KeyError.
+    Keys are this package's own, so a wrong one is a mistake here and raises KeyError. The world has
+    filled in the scenario already, and does not fill in again what is taken away here.
     """
-    data = scenario.model_dump()
+    data = {**scenario.model_dump(), "world": "kind"}
     for path, value in values.items():
         *sections, key = path.split(".")
         place: Any = data

@@ -32,9 +32,9 @@ import numpy as np
 from ttwmr_mj.robot.parameters import MOST_TRAILERS
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.explain.deviations import deviation_under
 from ttwmr_mj.studies.compare.explain.effects import EFFECTS, with_effects
-from ttwmr_mj.studies.compare.measures.deviation import Deviation, rms
-from ttwmr_mj.studies.compare.motion import replay_analytic, replay_contact
+from ttwmr_mj.studies.compare.measures.deviation import rms
 from ttwmr_mj.studies.compare.variants import Progress, in_threads
 
 EXPLAINED_REST = 0.1  # share of the total up to which the rest needs no explanation
@@ -141,13 +141,23 @@ class Attribution:
 
 
 def attribute(
-    scenario: Scenario, commands: FloatArray, progress: Progress | None = None
+    scenario: Scenario,
+    commands: FloatArray,
+    progress: Progress | None = None,
+    *,
+    real_wheels: bool = False,
 ) -> Attribution:
     """Run the design around a full model and make the tables.
 
-    Commands are wheel speeds (n, 2) (right, left), one per control period [rad/s].
+    Args:
+        scenario: the full model.
+        commands: wheel speeds (n, 2) (right, left), one per control period [rad/s].
+        progress: called with the share of the work done.
+        real_wheels: drive the analytic model with each variant's actual wheel speeds. The servo
+            then has no part in the deviation, and stays as it is in every variant.
     """
-    present = [effect for effect in EFFECTS if effect.present(scenario)]
+    studied = [effect for effect in EFFECTS if not (real_wheels and effect.wheels)]
+    present = [effect for effect in studied if effect.present(scenario)]
     names = frozenset(effect.name for effect in present)
     # effect → the sets with it and without it: near the ideal, near the full model
     pairs: dict[str, tuple[frozenset[str], ...]] = {}
@@ -156,13 +166,11 @@ def attribute(
         above = names - {other.name for other in present if effect.name in other.needs}
         pairs[effect.name] = (below | it, below, above, above - it)
 
-    def deviation(variant: Scenario) -> FloatArray:
-        contact = replay_contact(variant, commands)
-        return Deviation.between(contact, replay_analytic(variant, commands)).q
-
+    deviation = deviation_under(commands, real_wheels=real_wheels)
     sets = sorted({frozenset(), names}.union(*pairs.values()), key=sorted)
-    variants = [with_effects(scenario, on) for on in sets]
-    delta = dict(zip(sets, in_threads(deviation, variants, progress), strict=True))
+    variants = [with_effects(scenario, on, present) for on in sets]
+    found = in_threads(deviation, variants, progress)
+    delta = {on: apart.q for on, apart in zip(sets, found, strict=True)}
     contributions = {}
     higher = delta[names] - delta[frozenset()]
     for effect in present:

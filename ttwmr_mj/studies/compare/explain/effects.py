@@ -1,6 +1,6 @@
 """Effects of contact physics that the ideal model lacks, and how each is switched off."""
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -32,6 +32,8 @@ class Effect:
             where off means off.
         solver: whether it is how MuJoCo computes, and not how the robot is built: no real robot
             has it.
+        wheels: whether it is how the wheels follow their commands: nothing where the analytic
+            model is driven by the wheels' actual speeds.
     """
 
     name: str
@@ -40,10 +42,11 @@ class Effect:
     needs: tuple[str, ...] = ()
     size: str | None = None
     solver: bool = False
+    wheels: bool = False
 
     def present(self, scenario: Scenario) -> bool:
         """Whether the scenario has it at all."""
-        return changed(scenario, self.off(scenario)) != scenario
+        return changed(scenario, self.off(scenario)) != changed(scenario, {})
 
     def reach(self, scenario: Scenario) -> float:
         """The share of the effect that switching it off removes."""
@@ -69,6 +72,7 @@ EFFECTS = (
             "robot.servo.stall_torque_n_m": IDEAL_STALL_TORQUE_N_M,
             "robot.servo.motor": None,
         },
+        wheels=True,
     ),
     Effect(
         "contact_compliance",
@@ -110,10 +114,12 @@ EFFECTS = (
 )
 
 
-def with_effects(scenario: Scenario, on: Collection[str]) -> Scenario:
-    """The scenario with only the named effects."""
+def with_effects(
+    scenario: Scenario, on: Collection[str], among: Iterable[Effect] = EFFECTS
+) -> Scenario:
+    """The scenario with only the named effects of those among; others stay as they are."""
     values: Values = {}
-    for effect in EFFECTS:
+    for effect in among:
         if effect.name not in on:
             values |= effect.off(scenario)
     return changed(scenario, values)
