@@ -177,7 +177,6 @@ FLATNESS, TVLQR = 'controller={kind="flatness"}', 'controller={kind="tvlqr"}'
             ['controller={kind="lyapunov_pid"}', "reference.theta2=none"],
             ["reference.theta2: got 'none'", "controller.theta2_reference"],
         ),
-        ("outer_circle", [TVLQR, "reference.angular_rate_rad_s=0.0"], ["reference.kind: got 'fl"]),
         ("rest_to_rest", ["reference.plan=nothing"], ["plan: got 'nothing'; allowed: double_"]),
         (
             "rest_to_rest",

@@ -1,10 +1,15 @@
 """What the schema of scenarios says, and what no number may be."""
 
+from dataclasses import replace
+
+import numpy as np
 import pytest
 
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.checks import _undefined_start, check
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.schema import AtRest, Scenario
 
 
 def test_the_schema_describes_every_shipped_key() -> None:
@@ -37,9 +42,30 @@ def test_a_truth_value_is_no_number() -> None:
 
 
 def test_what_stands_still_is_no_place_to_start() -> None:
-    still = ["reference.angular_rate_rad_s=0.0", 'controller={kind="feedforward"}']
-    with pytest.raises(InputError, match=r"initial.kind: .* stands still, and has no heading"):
-        load_scenario("outer_circle", still)
+    scenario = load_scenario("outer_circle")
+    path = sample_reference(scenario)
+    assert path is not None
+    assert list(_undefined_start(scenario, path)) == []
+    (fault,) = _undefined_start(scenario, replace(path, theta=np.full_like(path.theta, np.nan)))
+    assert "stands still, and has no heading" in str(fault)
+
+
+@pytest.mark.parametrize("rate", ["0.0", "1e-170", "-9e-13"])
+@pytest.mark.parametrize(
+    "curve", ['kind="flat_circle", radius_m=0.5', 'kind="flat_ellipse", half_axes_m=[0.5, 0.4]']
+)
+def test_what_stands_still_is_no_flat_reference(curve: str, rate: str) -> None:
+    given = f"reference={{{curve}, angular_rate_rad_s={rate}}}"
+    with pytest.raises(InputError, match=r"angular_rate_rad_s: got .*; at least 1e-12 rad/s"):
+        load_scenario("lab_circle", [given, "plant.kind=analytic"])
+
+
+def test_a_reference_that_has_no_position_somewhere_is_refused() -> None:
+    scenario = load_scenario("outer_circle", ['controller={kind="feedforward"}'])
+    still = scenario.reference.model_copy(update={"angular_rate_rad_s": 0.0})
+    at_rest = AtRest(x_m=0.0, y_m=0.0)
+    (fault,) = check(scenario.model_copy(update={"reference": still, "initial": at_rest}), [])
+    assert "reference: has no position of P, or not its rates, at 0 s" in str(fault)
 
 
 def test_an_editor_can_say_what_each_key_of_these_tables_does() -> None:

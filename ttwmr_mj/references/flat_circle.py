@@ -8,9 +8,9 @@ from pydantic import Field
 
 from ttwmr_mj.dynamics.circling import Circling, circling, circling_behind
 from ttwmr_mj.references.flat_ellipse import FlatEllipse
-from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
+from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference, TurningRate
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.references.shared.reference import Angle, Length, Rate
+from ttwmr_mj.references.shared.reference import Angle, Length
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, hitches_unwound
 
@@ -28,7 +28,7 @@ class FlatCircle(FlatReference):
     needs_flat: ClassVar[bool] = False
     kind: Literal["flat_circle"] = "flat_circle"
     radius_m: Length = Field(description="radius R of the path of F; typically 0.6")
-    angular_rate_rad_s: Rate
+    angular_rate_rad_s: TurningRate
     phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
     circle_of: Literal["F", "P"] = Field(
         default="F", description="whose circle has the radius: the last trailer's F, or P"
@@ -38,7 +38,8 @@ class FlatCircle(FlatReference):
         """(n, orders, 2) F and its derivatives: an ellipse with equal axes."""
         same = self.model_dump(exclude={"kind", "radius_m", "circle_of"})
         axes = (self.radius_m, self.radius_m)
-        return FlatEllipse(half_axes_m=axes, **same).flat_derivatives(time_s, orders)
+        ellipse = FlatEllipse.model_construct(half_axes_m=axes, **same)  # valid as this one is
+        return ellipse.flat_derivatives(time_s, orders)
 
     def sample(self, time_s: FloatArray, robot: RobotParameters) -> ReferencePath:
         """The reference at times (n,) [s], with a batch axis of one; angles are unwrapped."""

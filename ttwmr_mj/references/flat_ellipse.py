@@ -5,8 +5,8 @@ from typing import Annotated, Literal
 import numpy as np
 from pydantic import Field
 
-from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference
-from ttwmr_mj.references.shared.reference import Angle, Length, Rate
+from ttwmr_mj.references.shared.flat_reference import FLAT_ORDERS, FlatReference, TurningRate
+from ttwmr_mj.references.shared.reference import Angle, Length
 from ttwmr_mj.state import FloatArray
 
 
@@ -22,7 +22,7 @@ class FlatEllipse(FlatReference):
     half_axes_m: Annotated[tuple[Length, Length], Field(strict=False)] = Field(
         description="half axes A and B of the path of F; typically 0.4 to 0.6"
     )
-    angular_rate_rad_s: Rate
+    angular_rate_rad_s: TurningRate
     phase_rad: Angle = Field(default=0.0, description="angle φ at the start")
     tilt_rad: Angle = Field(
         default=0.0, description="angle of the first axis from the world's x axis"

@@ -235,7 +235,7 @@ def _controller(scenario: Scenario) -> list[Fault]:
     try:
         path = _path(scenario)
         faults = law_faults(scenario.controller, scenario.reference, path)
-        return [*faults, *_too_far(path), *_undefined_start(scenario, path)]
+        return [*faults, *_nowhere(path), *_too_far(path), *_undefined_start(scenario, path)]
     except InputError as error:  # of another package's
         return list(error.faults)
 
@@ -247,6 +247,14 @@ def _undefined_start(scenario: Scenario, path: ReferencePath | None) -> Iterable
     if np.isnan([path.theta[0, 0, 0], path.theta_rate[0, 0, 0]]).any():
         problem = "at its start the reference stands still, and has no heading"
         yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
+
+
+def _nowhere(path: ReferencePath | None) -> Iterable[Fault]:
+    """What divides by a speed or an acceleration that is zero there."""
+    if path is None or (there := np.isfinite(path.derivatives).all(axis=(1, 2, 3))).all():
+        return
+    problem = f"has no position of P, or not its rates, at {path.time_s[~there][0]:g} s"
+    yield Fault(key=("reference",), problem=problem, hint="keep it moving")
 
 
 def _too_far(path: ReferencePath | None) -> Iterable[Fault]:

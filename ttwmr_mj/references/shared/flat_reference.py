@@ -4,7 +4,7 @@ from abc import abstractmethod
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field
+from pydantic import AfterValidator, Field
 
 from ttwmr_mj.dynamics.flatness import is_flat, motion_from_flat
 from ttwmr_mj.errors import Fault
@@ -15,6 +15,27 @@ from ttwmr_mj.state import FloatArray, hitches_unwound
 
 FLAT_ORDERS = 7  # F and six derivatives: they give P and both angles to the fourth
 Side = Literal["outside", "inside"]
+SLOWEST_RAD_S = 1e-12  # as slow as other references may be
+
+
+def _turning(rate: float) -> float:
+    if abs(rate) < SLOWEST_RAD_S:
+        raise ValueError(
+            f"at least {SLOWEST_RAD_S:g} rad/s either way is needed: the trailer points along "
+            "the acceleration of its centre of oscillation, which has none where it stands"
+        )
+    return rate
+
+
+TurningRate = Annotated[
+    float,
+    Field(
+        ge=-50,
+        le=50,
+        description="rate, positive counter-clockwise, never zero; typically 0.1 to 1",
+    ),
+    AfterValidator(_turning),
+]
 
 
 class FlatReference(Reference):
