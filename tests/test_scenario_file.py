@@ -181,7 +181,12 @@ FLATNESS, TVLQR = 'controller={kind="flatness"}', 'controller={kind="tvlqr"}'
         (
             "rest_to_rest",
             ["robot.trailer.mass_kg=0.5"],
-            ["reference.plan: got 'rest_", "; was made"],
+            ["reference.plan: got 'rest_", "; was made", "restore robot.trailer"],
+        ),
+        (
+            "rest_to_rest",
+            ["belief.robot.trailer.mass_kg=0.5"],
+            ["reference.plan: got 'rest_", "; was made", "; restore belief.robot.trailer:"],
         ),
         # with every other fault of the file, and nothing about what is wrong already
         (

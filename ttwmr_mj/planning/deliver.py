@@ -1,7 +1,7 @@
 """What a plan is delivered as: the table of knots, the scenario that drives it, and a picture."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,13 @@ FINE_S = 0.02  # samples of the picture
 ROUNDS, HOLD_S = 2, 2.0  # that the scenario drives of a closed way; stands after one with an end
 STEERING = ("flatness", "mpc", "tvlqr")  # laws that follow with the trailer
 CIRCLE = {"kind": "flat_circle", "radius_m": 20.0, "angular_rate_rad_s": 0.01}
+PLANS_OWN = {  # of a scenario, what the plan says itself: where else to say it
+    "name": "it is that of the file, --out",
+    "description": "edit the scenario once it is written",
+    "duration_s": "--duration is the time of the way; set that of the run with `ttwmr run --set`",
+    "initial": "the robot starts on the plan; move it off with `ttwmr run --set`",
+    "reference": "it is the plan; leave it out",
+}
 NEAR = 0.9  # share of a limit from which on it is said to be what limits the plan
 
 
@@ -112,6 +119,28 @@ def replaced(
     }
 
 
+def lost(
+    chosen: Mapping[str, Any], base: Mapping[str, Any], *, rests: bool = False
+) -> Iterator[tuple[str, str]]:
+    """Which tables and values of those chosen for a plan's scenario the plan replaces.
+
+    Args:
+        chosen: nested tables of what was set.
+        base: the scenario's data, with them.
+        rests: the plan begins and ends at rest.
+
+    Yields:
+        The name, and what to do about it.
+    """
+    for key, hint in PLANS_OWN.items():
+        if key in chosen:
+            yield key, hint
+    kept = replaced(base, rests=rests)["controller"] == base.get("controller")
+    if "controller" in chosen and not kept:
+        laws = ", ".join(sorted(STEERING[rests:]))
+        yield "controller", f"its kind must be one that makes this way with the trailer: {laws}"
+
+
 def located(given: Any, found: Any) -> Any:
     """A scenario's data with its files named from anywhere, as the checked scenario has them."""
     if isinstance(given, dict) and isinstance(found, dict):
@@ -121,7 +150,7 @@ def located(given: Any, found: Any) -> Any:
 
 
 def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]) -> str:
-    """The scenario's text; of a base, all but what the plan says."""
+    """The scenario's text; of a base, all but what `lost` names."""
     end = float(found.plan.time_s[-1])
     duration = ROUNDS * end if request.closed else end + HOLD_S
     told = {
@@ -129,7 +158,7 @@ def _scenario(out: Path, request: Request, found: Found, base: Mapping[str, Any]
         "description": _title(out, request, end).partition(": ")[2],
         "duration_s": round(duration, 2),
     }
-    kept = {key: value for key, value in base.items() if key not in {*told, "accept"}}
+    kept = {key: value for key, value in base.items() if key not in told}
     planned = {"kind": "planned", "plan": out.name}
     data = kept | replaced(base, planned, rests=not request.closed)
     plain = {key: value for key, value in data.items() if not isinstance(value, dict)}

@@ -5,6 +5,7 @@ parts have no fault of their own are still made, so that all faults are reported
 """
 
 from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -224,6 +225,14 @@ def _believed_camera(scenario: Scenario) -> Iterable[Fault]:
 def _reference(scenario: Scenario) -> list[Fault]:
     try:
         faults = reference_faults(scenario.reference, scenario.believed_robot)
+        if faults and not reference_faults(scenario.reference, scenario.robot):
+            believed = ", ".join(f"belief.robot.{key}" for key in scenario.belief.robot)
+            hint = (
+                f"restore {believed}: the reference is that of the robot that is believed in; or "
+                "make it anew for that robot (of a plan: `ttwmr plan ... --scenario` with the "
+                "same --set)"
+            )
+            faults = [replace(fault, hint=hint) for fault in faults]
     except InputError as error:  # of another package's
         return list(error.faults)
     return [fault.within("reference") for fault in faults]

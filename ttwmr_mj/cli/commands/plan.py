@@ -59,6 +59,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         if faults := [*numbers, *changes, *self._faults_of_files(out)]:
             raise InputError(*faults)
         points, (data, robot, limits) = self._points(), self._robot()
+        self._refuse_what_is_lost(data, rests=not (self.closed or points.closed))
         request, found = self._plan(points, robot, limits)
         from ttwmr_mj.planning.deliver import deliver
 
@@ -142,7 +143,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         return []
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
-        """Data of the scenario it is driven in, the robot and the limits."""
+        """Data of the scenario it is driven in, the robot that is believed in, and the limits."""
         from ttwmr_mj.planning.deliver import located, replaced
         from ttwmr_mj.planning.limits import limits_of
         from ttwmr_mj.robot import RobotParameters
@@ -158,14 +159,34 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         scenario = check_scenario(data | replaced(data), str(file), file.parent)
         friction = scenario.plant.contact.floor_friction
         data = located(data, scenario.model_dump())
-        return data, scenario.robot, limits_of(scenario.robot, friction, **wish)
+        robot = scenario.believed_robot
+        return data, robot, limits_of(robot, friction, **wish)
+
+    def _refuse_what_is_lost(self, data: dict[str, Any], *, rests: bool) -> None:
+        """What was set on this command line is not to be lost without a word."""
+        from ttwmr_mj.planning.deliver import lost
+        from ttwmr_mj.scenario.file import paths_set, read_scenario
+
+        chosen = {f"--set {o}": {next(paths_set(o)).partition(".")[0]: o} for o in self.overrides}
+        if self.fragment is not None:
+            chosen[f"--fragment {self.fragment}"] = read_scenario(self.fragment)
+        faults = [
+            Fault(key=(where,), problem=f"the plan replaces {key}", hint=hint)
+            for where, tables in chosen.items()
+            for key, hint in lost(tables, data, rests=rests)
+        ]
+        if faults:
+            raise InputError(*faults)
 
     def _data(self, file: Path) -> dict[str, Any]:
-        """The scenario's file with the user's fragment, overrides and seed."""
+        """The scenario's file with the user's fragment, overrides and seed.
+
+        What the scenario accepts is of its own motion; what the user sets is of the plan.
+        """
         from ttwmr_mj.robot import merged
         from ttwmr_mj.scenario.file import read_scenario, set_value
 
-        data = read_scenario(file)
+        data = {key: value for key, value in read_scenario(file).items() if key != "accept"}
         if self.fragment is not None:
             data = merged(data, read_scenario(self.fragment))
         for override in self.overrides:
