@@ -61,6 +61,8 @@ def test_at_the_end_each_stays_within_its_limit(
     begin = np.searchsorted(TIME_S, (1.0 - END_SHARE) * 10.0)
     rows.q[begin if late else begin - 1, 0, column] = -limit * (1.0 - HAIR)
     assert verdict(rows, **WIDE).name == "followed"
+    stricter = {**WIDE, f"transient_{key}": 0.5 * limit}  # which is for what comes before
+    assert verdict(rows, **stricter).name == ("followed" if late else lost)
     rows.q[begin if late else begin - 1, 0, column] = -limit * (1.0 + HAIR)
     found = verdict(rows, **WIDE)
     assert found.name == (lost if late else "followed")

@@ -244,9 +244,11 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
             continue
         lasting = getattr(accept, f"transient_{measure}")
         allowed = _allowed(error, since_s, lasting, accept.settling_share)
-        share = np.nan_to_num(error / allowed)
-        k = int(share.argmax())
-        yield Error(measure, float(np.nan_to_num(error)[k]), float(allowed[k]), float(time_s[k]))
+        share = np.nan_to_num(error / allowed)[:end]
+        if share.size:  # of a single sample there is no before
+            k = int(share.argmax())
+            before = float(np.nan_to_num(error)[k])
+            yield Error(measure, before, float(allowed[k]), float(time_s[k]))
         last, limit = np.nan_to_num(error[end:]), getattr(accept, f"end_{measure}")
         decreasing = bool(limit < last.max() and last[-1] < FALLEN * last[0])
         yield Error(measure, float(last.max()), limit, None, decreasing)
