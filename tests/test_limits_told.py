@@ -97,3 +97,26 @@ def test_a_law_of_the_users_warns_as_ever() -> None:
     scenario = tt.load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=0.1"])
     with pytest.warns(RuntimeWarning, match="divide by zero"):
         tt.simulate(scenario, controller=Careless())
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("sensing.latency_s", "10.0"),
+        ("sensing.latency_s", "0.8"),
+        ("sensing.latency_s", "1e-3"),
+        ("sensing.latency_jitter_s", "9.9999"),
+        ("control.command_jitter_s", "10.0"),
+        ("control.sampling_time_s", "9.9999"),
+    ],
+)
+@pytest.mark.parametrize("period_s", ["0.033", "0.01234321"])
+def test_the_nearest_steps_told_are_taken(key: str, value: str, period_s: str) -> None:
+    values = [f"control.sampling_time_s={period_s}", "duration_s=20.0"]
+    own = key == "control.sampling_time_s"  # which counts in steps of contact physics
+    values.append("plant.contact.timestep_s=0.0007" if own else "plant.kind=analytic")
+    with pytest.raises(tt.InputError, match=rf"{key}: got .* nearest: ") as error:
+        tt.load_scenario("inverted_trailer", [*values, f"{key}={value}"])
+    (fault,) = error.value.faults
+    for near in fault.allowed.partition("nearest: ")[2].split(" and "):
+        tt.load_scenario("inverted_trailer", [*values, f"{key}={near}"])

@@ -164,7 +164,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["sensing.latency_s=0.0"],
             ["sensing.latency_s=1e-9"],
             "sensing.latency_s",
-            "nearest: 0.033",
+            "nearest: 0 and 0.033",
         ),
         (
             ["sensing.latency_jitter_s=0.066"],
@@ -178,7 +178,7 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             ["control.command_jitter_s=0.033"],
             ["control.command_jitter_s=0.01"],
             "control.command_jitter_s",
-            "nearest: 0.033",
+            "nearest: 0 and 0.033",
         ),
         (
             ["control.command_latency_s=0.01"],

@@ -3,10 +3,12 @@
 from collections.abc import Iterable
 from decimal import ROUND_CEILING
 
+from ttwmr_mj.config import Config
 from ttwmr_mj.errors import Fault, Keys, at_least, rounded
 from ttwmr_mj.scenario.limits import MOST_PERIODS
 from ttwmr_mj.scenario.schema import Scenario
 
+PERIOD = "control.sampling_time_s"
 STEP = "plant.contact.timestep_s"
 MOST_AHEAD = 16  # periods, so that half of what observers remember is left to measurements
 
@@ -19,8 +21,8 @@ def physics_steps(scenario: Scenario) -> Iterable[Fault]:
 
 def physics_step_faults(scenario: Scenario) -> Iterable[Fault]:
     """Whether contact physics could keep this control period."""
-    period, step = scenario.control.sampling_time_s, scenario.plant.contact.timestep_s
-    yield from _whole_steps(("control", "sampling_time_s"), period, step, STEP)
+    step = scenario.plant.contact.timestep_s
+    yield from _whole_steps(scenario.control, ("control",), "sampling_time_s", step, STEP)
 
 
 def motor_timing(scenario: Scenario) -> Iterable[Fault]:
@@ -28,15 +30,14 @@ def motor_timing(scenario: Scenario) -> Iterable[Fault]:
     motor = scenario.robot.servo.motor
     if motor is None or scenario.plant.kind != "contact":
         return
-    table, loop = ("robot", "servo", "motor"), motor.loop_period_s
-    yield from _whole_steps(
-        (*table, "loop_period_s"), loop, scenario.plant.contact.timestep_s, STEP
-    )
+    place, loop = ("robot", "servo", "motor"), motor.loop_period_s
+    step = scenario.plant.contact.timestep_s
+    yield from _whole_steps(motor, place, "loop_period_s", step, STEP)
     loop_key = "robot.servo.motor.loop_period_s"
     for key in ("encoder_window_s", "command_delay_s"):
-        yield from _whole_steps((*table, key), getattr(motor, key), loop, loop_key)
+        yield from _whole_steps(motor, place, key, loop, loop_key)
     for key in ("sampling_time_s", "command_latency_s"):
-        yield from _whole_steps(("control", key), getattr(scenario.control, key), loop, loop_key)
+        yield from _whole_steps(scenario.control, ("control",), key, loop, loop_key)
 
 
 def pushes(scenario: Scenario) -> Iterable[Fault]:
@@ -53,42 +54,50 @@ def latency(scenario: Scenario) -> Iterable[Fault]:
     """Of measurements: control periods."""
     sensing, period = scenario.sensing, scenario.control.sampling_time_s
     for name in ("latency_s", "latency_jitter_s"):
-        value = getattr(sensing, name)
-        yield from _whole_steps(("sensing", name), value, period, "control.sampling_time_s")
+        yield from _whole_steps(sensing, ("sensing",), name, period, PERIOD)
 
 
 def command_latency(scenario: Scenario) -> Iterable[Fault]:
     """Of commands: physics steps, and no more control periods than observers look ahead."""
     control = scenario.control
-    latency_s, jitter_s, period = (
-        control.command_latency_s,
-        control.command_jitter_s,
-        control.sampling_time_s,
-    )
-    key = ("control", "command_jitter_s")
-    yield from _whole_steps(key, jitter_s, period, "control.sampling_time_s")
+    period = control.sampling_time_s
+    yield from _whole_steps(control, ("control",), "command_jitter_s", period, PERIOD)
     told = "control" if scenario.belief.command_latency_s is None else "belief"
     if scenario.believed_command_latency_s > (MOST_AHEAD + 0.5) * period:
         got = f"{scenario.believed_command_latency_s:g}"
         allowed = f"at most {MOST_AHEAD} control periods, {MOST_AHEAD * period:g} s"
         hint = "belief.command_latency_s may be less, or 0"
         yield Fault(key=(told, "command_latency_s"), got=got, allowed=allowed, hint=hint)
-    if latency_s:
+    if control.command_latency_s:
         step = scenario.plant.contact.timestep_s
-        yield from _whole_steps(("control", "command_latency_s"), latency_s, step, STEP)
+        yield from _whole_steps(control, ("control",), "command_latency_s", step, STEP)
         if scenario.plant.kind == "analytic":  # which counts in these steps only then
             yield from physics_step_faults(scenario)
 
 
-def _whole_steps(key: Keys, value: float, unit: float, unit_key: str) -> Iterable[Fault]:
+def _whole_steps(
+    table: Config, place: Keys, name: str, unit: float, unit_key: str
+) -> Iterable[Fault]:
+    """Whether a value of a table at a place is whole steps of a unit; zero is."""
+    value: float = getattr(table, name)
     count = value / unit
     whole = abs(count - round(count)) <= 1e-6 * max(count, 1.0)  # TOML's decimals are not exact
     if whole and (value == 0.0 or round(count) >= 1):
         return
-    below, above = int(count) * unit, (int(count) + 1) * unit
-    near = f"{below:g} and {above:g}" if below > 0 else f"{above:g}"
-    allowed = f"a whole number of steps of {unit:g} s ({unit_key}); nearest: {near}"
-    yield Fault(key=key, got=f"{value:g}", allowed=allowed)
+    least, most = _limits(type(table), name)
+    around = (n * unit for n in (int(count), int(count) + 1))
+    near = " and ".join(f"{x:.9g}" for x in around if least <= x <= most)
+    allowed = f"a whole number of steps of {unit:.9g} s ({unit_key})"
+    allowed += f"; nearest: {near}" if near else ""
+    yield Fault(key=(*place, name), got=f"{value:g}", allowed=allowed)
+
+
+def _limits(table: type[Config], name: str) -> tuple[float, float]:
+    """The least and the largest value of a field that has both."""
+    bounds = table.model_fields[name].metadata
+    (least,) = (bound.ge for bound in bounds if hasattr(bound, "ge"))
+    (most,) = (bound.le for bound in bounds if hasattr(bound, "le"))
+    return least, most
 
 
 def one_period(scenario: Scenario) -> Iterable[Fault]:
