@@ -36,6 +36,19 @@ def test_every_number_has_limits_and_none_is_next_to_zero() -> None:
         assert number.get("exclusiveMinimum") != 0, number
 
 
+def test_a_table_of_several_kinds_says_which_where_the_program_takes_none_for_granted() -> None:
+    schema = Scenario.model_json_schema()
+    for key in ("reference", "controller", "initial", "sensing"):
+        for kind, ref in schema["properties"][key]["discriminator"]["mapping"].items():
+            table = schema["$defs"][ref.removeprefix("#/$defs/")]
+            granted = kind in ("at_rest", "truth")
+            assert ("kind" in table.get("required", [])) is not granted, kind
+            assert ("default" in table["properties"]["kind"]) is granted, kind
+    for key in ("reference", "controller"):
+        with pytest.raises(InputError, match=rf"{key}\.kind: missing"):
+            load_scenario("lab_circle", [f"{key}={{}}"])
+
+
 def test_a_truth_value_is_no_number() -> None:
     with pytest.raises(InputError, match=r"supersampling: got True; allowed: a whole number"):
         load_scenario("lab_circle_camera", ["sensing.camera.supersampling=true"])

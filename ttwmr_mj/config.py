@@ -42,6 +42,12 @@ class Config(BaseModel):
         return " ".join((cls.__doc__ or "").split("\n\n")[0].split()).rstrip(".")
 
 
+def requires_kind(schema: dict[str, Any]) -> None:
+    """Say in a table's JSON Schema that its `kind` must be given, where only scripts may not."""
+    schema["properties"]["kind"].pop("default", None)
+    schema["required"] = ["kind", *(key for key in schema.get("required", []) if key != "kind")]
+
+
 class Stack:
     """Configurations of as many simulations, to be read like one of them.
 

@@ -9,7 +9,9 @@ from pathlib import Path
 from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
+from pydantic import ConfigDict
 
+from ttwmr_mj.config import requires_kind
 from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
@@ -114,6 +116,7 @@ class ControllerOptions(Config):
         alone: whether even these cannot share it, as a law of the user's that may do anything.
     """
 
+    model_config = ConfigDict(json_schema_extra=requires_kind)
     kind: str
     law: ClassVar[type[Law[Any]]]
     needs_reference: ClassVar[bool] = True

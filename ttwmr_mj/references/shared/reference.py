@@ -4,8 +4,9 @@ from abc import ABC, abstractmethod
 from typing import Annotated, ClassVar, get_args
 
 import numpy as np
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
+from ttwmr_mj.config import requires_kind
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath, require_motion
 from ttwmr_mj.registry import Registry, guarded, is_foreign
@@ -30,6 +31,7 @@ class Reference(Config, ABC):
         leads_trains: whether it has the motion of more than one trailer.
     """
 
+    model_config = ConfigDict(json_schema_extra=requires_kind)
     leads_trains: ClassVar[bool] = False
     kind: str
 
