@@ -157,6 +157,8 @@ def test_deviation_knows_ahead_from_aside() -> None:
             },
             "plant.analytic.published_spring",
         ),
+        ({"ground": {"terrain": {"rms_height_m": 0.002}}}, "ground.terrain: .*; leave ground.ter"),
+        ({"robot": {"hitch": {"play_m": 1e-3}}}, "hitch.play_m: .*; leave robot.hitch.play_m out"),
     ],
 )
 def test_what_only_one_plant_understands_is_refused(change: dict[str, Any], key: str) -> None:
