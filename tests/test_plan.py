@@ -136,7 +136,7 @@ def test_a_table_with_names_or_without(tmp_path: Path) -> None:
     assert (closed.points_m.tolist(), closed.closed) == ([[0, 0], [1, 0], [1, 1]], True)
     for text, problem in (
         ("a,b\n1,2\n", "there must be x_m and y_m"),
-        ("1,2\n3\n", "a line is not two numbers"),
+        ("1,2\n3\n", "a line is not two numbers, x and y, but 3"),
         ("", "no points can be read: there are none"),
         ("0,0\nnan,1\n", "not every number is finite"),
         ("0,0,0\n1,1,1\n", "3 columns without names; name two of them x_m and y_m"),

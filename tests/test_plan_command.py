@@ -61,6 +61,7 @@ def test_the_command_plans_and_its_scenario_follows(tmp_path: Path) -> None:
         (["--workspace", "1.0"], "width and height"),
         (["--workspace", "1e300", "1e300"], "--workspace: got 1e+300 1e+300; allowed: width"),
         (["--workspace", "0.1", "1"], "each 0.3 to 1000 m"),
+        (["--workspace", "0.7", "0.7"], "way.csv: 1 error\n  points.1: got (-0.4, -0.1) m"),
         *((["--duration", t], "allowed: 0.1 to 3600 s") for t in ("nan", "-1", "0", "1e300")),
         *((["--hitch-angle", a], "allowed: 0.1 to 180 degrees") for a in ("nan", "0", "1e9")),
         *((["--scale", m], "allowed: 1e-06 to 1000 m") for m in ("nan", "-0.001", "1e300")),

@@ -89,9 +89,11 @@ def _from_table(text: str) -> FloatArray:
         columns = [0, 1]
         if rows and (width := max(map(len, rows))) > 2:
             raise ValueError(f"it has {width} columns without names; name two of them x_m and y_m")
+    if short := [",".join(row) for row in rows if len(row) <= max(columns)]:
+        raise ValueError(f"a line is not two numbers, x and y, but {short[0]}")
     try:
         points = np.array([[float(row[i]) for i in columns] for row in rows])
-    except (ValueError, IndexError) as error:
+    except ValueError as error:
         raise ValueError(f"a line is not two numbers, x and y: {error}") from error
     if not len(points):
         raise ValueError("there are none")

@@ -201,6 +201,8 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         from ttwmr_mj.runs.process.progress import progress_bar
 
         request = Request(points.points_m, self.closed or points.closed, self.duration)
+        if faults := request.faults(robot, limits):
+            raise InputError(*faults, file=str(self.points))
         with progress_bar("planning", ITERATIONS, "iterations", self.quiet) as progress:
             return request, plan_through(request, robot, limits, progress)
 
