@@ -16,6 +16,7 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import printable
 
 TTWMR = [sys.executable, "-m", "ttwmr_mj"]
+GONE = "mkdir gone; cd gone; rmdir ../gone;"
 PLAIN = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}
 
 
@@ -50,6 +51,8 @@ def one_line(text: str) -> str:
         ("ttwmr runn 2>&-", 2, ""),
         ("ttwmr --help >&-", 0, ""),
         ("ttwmr --help >&- 2>&- <&-", 0, ""),
+        (f"{GONE} ttwmr --version", 0, ""),
+        (f"{GONE} ttwmr export-schema --out schema.json", 2, "the working directory is gone"),
         ("ttwmr validate lab_circle --set description=$(printf '\\377')", 2, "not UTF-8: "),
     ],
 )

@@ -121,8 +121,17 @@ def of_system(error: OSError) -> str:
 
 def refused(error: OSError) -> str:
     """What the system refused."""
+    if error.errno == errno.ENOENT and not _has_working_directory():
+        return "the working directory is gone; change to a folder that exists"
     # in the system's own words: libraries wrap them in theirs
     return os.strerror(error.errno) if error.errno else str(error) or type(error).__name__
+
+
+def _has_working_directory() -> bool:
+    try:
+        return bool(os.getcwd())  # noqa: PTH109
+    except OSError:
+        return False
 
 
 def is_of_input(error: BaseException) -> bool:
