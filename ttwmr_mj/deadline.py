@@ -20,14 +20,20 @@ MOMENT_S = 1e-6  # the least that a timer is set to: zero stops it
 AGAIN_S = 0.1  # the timer rings again and again: too early, or swallowed by a bare `except`
 PATIENCE = 15.0  # limits that may pass waiting
 
-# for whoever watches this process: the limit of the body under way, or 0; how many there were
-_board: Any = memoryview(bytearray(16)).cast("d")
+# for whoever watches this process: the limit of the body under way, or 0; how many there were;
+# steps of other work
+_board: Any = memoryview(bytearray(24)).cast("d")
 
 
 def show_on(board: Any) -> None:
-    """Show on this memory from now on what is under way; at least two floats."""
+    """Show on this memory from now on what is under way; at least three floats."""
     global _board
     _board = board
+
+
+def step() -> None:
+    """Show that work which has no limit goes on, though it may look as if it did not."""
+    _board[2] += 1.0
 
 
 class Deadline:

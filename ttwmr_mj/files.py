@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import AfterValidator, ValidationInfo
 
+from ttwmr_mj.deadline import step
 from ttwmr_mj.errors import Fault, InputError, MachineError, cut, require, shown
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
 MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
+_rename, _dumps = os.replace, json.dumps  # which a law may put others in place of
 DRAFT = ".part"  # what a file's name ends with until it is whole
 
 
@@ -143,8 +145,10 @@ def written(path: Path) -> Iterator[Path]:
     # no other process writes under this name
     temporary = path.with_name(f"{path.name}.{os.getpid()}.{os.urandom(4).hex()}{DRAFT}")
     try:
+        step()
         yield temporary
-        temporary.replace(path)
+        _rename(temporary, path)
+        step()
     except BaseException as error:
         if isinstance(error, OSError) and error.errno and error.filename in (None, str(temporary)):
             error.filename = str(path)  # the name that its user knows
@@ -247,7 +251,7 @@ def write_bytes(path: Path, content: bytes) -> None:
 
 def write_json(path: Path, value: Any) -> None:
     """Write JSON; a NaN or infinity in it is a programming error and raises ValueError."""
-    write_text(path, json.dumps(value, indent=2, allow_nan=False) + "\n")
+    write_text(path, _dumps(value, indent=2, allow_nan=False) + "\n")
 
 
 def write_parquet(tables: pa.Table | Iterable[pa.Table], path: Path) -> None:
@@ -260,6 +264,7 @@ def write_parquet(tables: pa.Table | Iterable[pa.Table], path: Path) -> None:
     with written(path) as temporary, pq.ParquetWriter(temporary, first.schema) as file:
         for piece in chain([first], pieces):
             file.write_table(piece)
+            step()
 
 
 @contextmanager

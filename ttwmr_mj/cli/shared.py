@@ -36,19 +36,23 @@ class NewFolder(Quiet):
     )
     force: bool = option("replace the run in the folder, if there is one")
 
+    def results(self, name: str, suffix: str | int) -> Path:
+        """The folder's name; by default results/<name>/<UTC time>-<suffix>."""
+        from ttwmr_mj.runs.files.folder import results_folder
+
+        return self.out or results_folder(name, suffix)
+
     @contextmanager
-    def new_folder(self, name: str, suffix: str | int) -> Iterator[Path]:
-        """The folder, made if missing; by default results/<name>/<UTC time>-<suffix>.
+    def new_folder(self, folder: Path) -> Iterator[Path]:
+        """The folder, made if missing.
 
         What breaks the work off is told together with what is kept.
 
         Raises:
             RunError: a signal or the system broke it off.
         """
-        from ttwmr_mj.runs.files.folder import results_folder
         from ttwmr_mj.runs.files.new_folder import kept, new_folder
 
-        folder = self.out or results_folder(name, suffix)
         with new_folder(folder, self.force):
             try:
                 yield folder

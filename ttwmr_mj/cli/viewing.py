@@ -5,8 +5,11 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
 from ttwmr_mj.cli.last_resort import say
+from ttwmr_mj.deadline import step
 from ttwmr_mj.recording.stream.live import LiveView
 from ttwmr_mj.recording.stream.viewer import choose_viewer
+
+LOOK_EVERY_S = 1.0
 
 
 @contextmanager
@@ -32,5 +35,7 @@ def viewing(wish: str | None) -> Iterator[LiveView | None]:
         if live.viewer.page and live.alive and sys.stdin.isatty():
             print("the page is served until Ctrl-C", flush=True)
             with suppress(KeyboardInterrupt):
-                live.wait()
+                while live.alive:
+                    live.wait(LOOK_EVERY_S)
+                    step()
                 say(f"warning: the viewer ended: {live.fault or 'it was closed'}")

@@ -31,6 +31,17 @@ __all__ = [
     "sample_reference",
 ]
 
+_kept: list[Controller] | None = None
+
+
+def keep_laws() -> None:
+    """Keep every law that is made from now on until this process ends.
+
+    Its `__del__` may not come to its end. So nothing that is left to do waits for it.
+    """
+    global _kept
+    _kept = []
+
 
 def make_plant(scenario: Scenario, nsim: int = 1, nthread: int = 0) -> Plant:
     """The plant, not yet reset.
@@ -95,6 +106,8 @@ def _made(options: ControllerOptions, folder: Path) -> Controller:
         law = options.make(folder)
         if not isinstance(law, Controller):
             raise TypeError("it must return a Controller")
+        if _kept is not None:
+            _kept.append(law)
         return law
 
 

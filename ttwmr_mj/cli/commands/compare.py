@@ -37,7 +37,8 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
         from ttwmr_mj.studies.compare import Options, compare_scenario, plain
 
         scenario = self.load(self.scenario)
-        supervise(scenario)
+        results = self.results(f"{scenario.name}-compared", scenario.seed)
+        supervise(scenario, results / "compare.json")
         options = Options(
             mode=self.mode,
             real_wheels=self.real_wheels,
@@ -54,7 +55,7 @@ class Compare(Overrides, NewFolder, Live, name="compare"):
             raise InputError.at("--live", problem, hint="leave one of them out")
         pace, beside = self.make_pace(), find_scenario(self.scenario).parent
         self.check_recording(scenario)
-        opened = self.new_folder(f"{scenario.name}-compared", scenario.seed)
+        opened = self.new_folder(results)
         with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, 1.0, "", self.quiet) as progress:
                 done = compare_scenario(

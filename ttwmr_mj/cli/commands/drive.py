@@ -30,7 +30,7 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
             raise InputError.at("--longest", got=got, allowed="more than 0, up to 3600")
         scenario = self.load(self.scenario)
         hands = Hands()
-        opened = self.new_folder(f"{scenario.name}-driven", scenario.seed)
+        opened = self.new_folder(self.results(f"{scenario.name}-driven", scenario.seed))
         with opened as folder, viewing(None if self.live == "none" else self.live) as live:
             with hands:
                 print(hands.told, flush=True)

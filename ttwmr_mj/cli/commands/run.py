@@ -42,12 +42,13 @@ class RunCommand(Overrides, NewFolder, Live, name="run"):
         wished = {"save_frames": self.save_frames, "paper_plots": self.paper_plots}
         wishes = [f"output.{name}=true" for name, wish in wished.items() if wish]
         scenario = self.load(self.scenario, *wishes)
-        supervise(scenario)
+        results = self.results(scenario.name, scenario.seed)
+        supervise(scenario, results / "metrics.json")
         if not self.quiet:
             warn(foretold(scenario))
         pace, beside = self.make_pace(), find_scenario(self.scenario).parent
         self.check_recording(scenario)
-        opened = self.new_folder(scenario.name, scenario.seed)
+        opened = self.new_folder(results)
         with opened as folder, self.live_view() as live:
             with progress_bar(scenario.name, scenario.duration_s, "s", self.quiet) as progress:
                 done = run_scenario(

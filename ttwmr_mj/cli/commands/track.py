@@ -30,7 +30,7 @@ class TrackCommand(NewFolder, Live, name="track"):
             problem = f"--force would replace what is in {self.out}, this too"
             raise InputError.at("SOURCE", problem, got=self.source, hint="give another --out")
         pace = self.make_pace()
-        opened = self.new_folder("track", Path(self.source).stem)
+        opened = self.new_folder(self.results("track", Path(self.source).stem))
         with opened as folder, self.live_view() as live:
             with progress_bar("tracking", self.frames, "frames", self.quiet) as progress:
                 done = track(

@@ -81,9 +81,10 @@ class LiveView:
         lines = self._words.read().decode(errors="replace").strip().splitlines()
         return lines[-1] if lines else f"exit code {self._process.returncode}"
 
-    def wait(self) -> None:
+    def wait(self, longest_s: float | None = None) -> None:
         """Wait until the viewer ends; Ctrl-C raises KeyboardInterrupt here as anywhere."""
-        self._process.wait()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(longest_s)
 
     def close(self) -> None:
         """End the viewer, unless it is a window that the user may want to look at."""

@@ -4,11 +4,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from time import perf_counter, sleep
 
+from ttwmr_mj.deadline import step
 from ttwmr_mj.errors import InputError
 
 REPORT_EVERY_S = 0.8  # wall time between two reports: a kill costs less than a second
 LIVE_REPORT_EVERY_S = 0.1  # where someone looks on
 SLOWEST = 1e-3  # a second of simulation takes 17 minutes
+STEP_S = 1.0  # of waiting
 BEHIND_S = 0.1  # a run this late is behind: less is not seen
 
 
@@ -46,6 +48,10 @@ class Pace:
             self._started_s = now_s - time_s / self.speed
         early_s = self._started_s + time_s / self.speed - now_s
         self.lag_s.append(max(-early_s, 0.0))
+        while early_s > STEP_S:  # of slow paces a period may take minutes
+            sleep(STEP_S)
+            step()
+            early_s = self._started_s + time_s / self.speed - perf_counter()
         if early_s > 0.0:
             sleep(early_s)
         return True

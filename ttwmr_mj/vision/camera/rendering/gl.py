@@ -18,6 +18,7 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
+from ttwmr_mj.deadline import step
 from ttwmr_mj.errors import MachineError
 from ttwmr_mj.files import variable
 
@@ -52,6 +53,7 @@ def asked_backend() -> str:
 @cache
 def probe(backend: str) -> Probe:
     """Make an offscreen context with one backend, in a fresh process."""
+    step()
     try:
         done = subprocess.run(
             [sys.executable, "-c", _TRY],

@@ -1,0 +1,92 @@
+"""A law whose code goes on after its run, or that spoils the end of its process: real processes."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from test_hostile_processes import BARE, law_in, ttwmr
+
+from ttwmr_mj.results.trajectory import Trajectory
+
+JOINS = """
+        type(self).__del__ = lambda self: threading.Event().wait()"""
+SWALLOWS = """
+        def forever(self):
+            while True:
+                try:
+                    time.sleep(0.1)
+                except BaseException:
+                    pass
+        type(self).__del__ = forever"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("code", [JOINS, SWALLOWS])
+def test_the_end_of_a_law_is_not_waited_for(code: str, tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", code)
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "run folder: out" in done.stdout
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "ok"
+    done = ttwmr(tmp_path, "validate", "--load", "mine.toml", changes=[])  # two laws
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_what_a_law_has_not_written_yet_is_written(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", "self.log = open('log.txt', 'w'); self.log.write('started')")
+    assert ttwmr(tmp_path, "run", "--out", "out", changes=BARE).returncode == 0
+    assert (tmp_path / "log.txt").read_text() == "started"
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import builtins; builtins.hasattr = None",
+        "import builtins; builtins.getattr = None",
+        "import atexit; k or atexit.register(lambda: 1 / 0); k and 1 / 0",
+    ],
+)
+def test_what_a_law_did_to_the_interpreter_is_told_in_one_line(code: str, tmp_path: Path) -> None:
+    law_in(tmp_path, "at_command", code)
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == 1
+    assert done.stderr.startswith("ttwmr: ")
+    assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "os.replace = os.rename = lambda *a, **k: None",
+        "import pathlib; pathlib.Path.replace = lambda *a, **k: None",
+        "import json; json.dumps = lambda *a, **k: '{}'",
+    ],
+)
+def test_files_are_whole_whatever_a_law_puts_in_place_of_functions(
+    code: str, tmp_path: Path
+) -> None:
+    law_in(tmp_path, "at_command", code)
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == 0
+    assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "ok"
+    assert len(Trajectory.read(tmp_path / "out" / "trajectory.parquet")) > 1
+    assert not list(tmp_path.rglob("*.part"))
+
+
+def test_a_run_without_its_result_is_no_success(tmp_path: Path) -> None:
+    nothing = "lambda *a, **k: None"
+    law_in(tmp_path, "at_command", f"import ttwmr_mj.runs.metrics as m; m.write_json = {nothing}")
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == 1
+    assert "out/metrics.json cannot be read" in done.stderr
+
+
+def test_what_a_process_that_dies_has_written_half_goes(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", "open('out/x.parquet.part', 'w'); os.kill(os.getpid(), 9)")
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    assert done.returncode == 1
+    assert "by SIGKILL before it was over" in done.stderr
+    assert "nothing was recorded" in done.stderr
+    assert not list(tmp_path.rglob("*.part"))
