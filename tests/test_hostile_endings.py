@@ -6,7 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from test_hostile_processes import BARE, law_in, ttwmr
+from recordings import Recording
+from test_hostile_processes import BARE, FAST, law_in, ttwmr
 
 from ttwmr_mj.results.trajectory import Trajectory
 
@@ -54,6 +55,15 @@ def test_what_a_law_did_to_the_interpreter_is_told_in_one_line(code: str, tmp_pa
     assert done.returncode == 1
     assert done.stderr.startswith("ttwmr: ")
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize("hook", ["setprofile", "settrace"])
+def test_a_hook_for_threads_is_none_of_ours(hook: str, tmp_path: Path) -> None:
+    law_in(tmp_path, "at_making", f"threading.{hook}(lambda *a: 1 / 0)")
+    changes = [*FAST, "output.figures=false"]
+    done = ttwmr(tmp_path, "run", "--out", "out", changes=changes)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert Recording(tmp_path / "out" / "run.rrd").entities
 
 
 @pytest.mark.parametrize(

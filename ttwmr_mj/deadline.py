@@ -43,6 +43,9 @@ class Deadline:
     the body off wherever its Python code is, an endless loop included. Elsewhere the time is looked
     at when the body returns, and compiled code is not broken off until it returns to Python.
 
+    A hook for new threads (`threading.setprofile`, `settrace`) that the body sets ends with it: the
+    next ones are ours.
+
     There is one such timer. Who used it before, a script or the deadline of a body around this one,
     has it back from `disarm` on, which is when it rings at the earliest.
 
@@ -59,6 +62,7 @@ class Deadline:
         self._running = False
         self._rings = 0
         self._began_s = self._began_cpu_s = 0.0
+        self._hooks: tuple[Any, Any] = (None, None)
 
     def arm(self) -> None:
         """Take the alarm signal and its timer, until `disarm`."""
@@ -82,6 +86,7 @@ class Deadline:
                 signal.setitimer(signal.ITIMER_REAL, left_s, self._interval_s)
 
     def __enter__(self) -> Self:
+        self._hooks = threading.gettrace(), threading.getprofile()
         self._began_s, self._began_cpu_s = perf_counter(), thread_time()
         _board[1] += 1.0
         _board[0] = self.limit_s
@@ -95,6 +100,10 @@ class Deadline:
         _board[0] = 0.0
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
+        trace, profile = self._hooks
+        if threading.gettrace() is not trace or threading.getprofile() is not profile:
+            threading.settrace(trace)
+            threading.setprofile(profile)
         waited = not self._timed and perf_counter() - self._began_s > PATIENCE * self.limit_s
         if kind is None and (waited or self._computed_too_long()):
             raise Overrun
