@@ -20,9 +20,11 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.execute import run_scenario
-from ttwmr_mj.runs.experiment import Experiment
+from ttwmr_mj.runs.closed_loop.pace import Pace
+from ttwmr_mj.runs.execute import run_experiment, run_scenario
+from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.files.folder import write_resolved
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.stored import SAME, StoredRun
 
 Columns = dict[str, Any]
@@ -100,6 +102,10 @@ DAMAGES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "x far away": (at("x_m", 20, 1e300), r"its column x_m is 1e\+300 at 0.66 s"),
     "tilt infinite": (at("tilt_rad", 3, INF), "its column tilt_rad is inf at 0.099 s"),
     "tilt unknown": (at("tilt_rad", 3, NAN), "its column tilt_rad is nan at 0.099 s"),
+    "tilts unknown": (
+        lambda c: c | {"tilt_rad": NAN * c["tilt_rad"]},
+        "its column tilt_rad is nan",
+    ),
     "wheels": (at("wheels_on_floor", 3, 5.0), "its column wheels_on_floor is 5"),
     "commands": (at("wheel_left_cmd_rad_s", 3, NAN), "its column wheel_left_cmd_rad_s is nan"),
     "a train": (
@@ -257,6 +263,29 @@ def test_one_of_several_simulations_and_rows_of_a_killed_run_are_read(tmp_path: 
         stream.append(rows.simulation(2).rows(start, stop))
     stream.close()
     assert len(StoredRun.read(folder).rows) == 17
+
+
+class Stopped(Pace):
+    """A person who stops after so many rows."""
+
+    rows = 1
+
+    def hold(self, time_s: float) -> bool:
+        return time_s < (self.rows - 0.5) * 0.033
+
+
+@pytest.mark.parametrize("count", [1, 2, 20])
+def test_a_run_that_was_driven_by_hand_is_read(count: int, tmp_path: Path) -> None:
+    scenario = tt.load_scenario("lab_circle", LEAN)
+    (pace := Stopped()).rows = count
+
+    def driven(result: Result) -> Scenario:
+        return scenario.model_copy(
+            update={"duration_s": max(len(result.trajectory) - 1, 1) * 0.033}
+        )
+
+    run_experiment(Experiment(scenario), tmp_path, pace=pace, replayed=driven)
+    assert len(StoredRun.read(tmp_path).rows) == count
 
 
 @pytest.mark.slow

@@ -25,7 +25,7 @@ from ttwmr_mj.state import FloatArray
 # and no motion that differs by less is judged otherwise
 SAME = 1e-6
 MOST_WHEELS = 2
-UNKNOWN = (*FOOTING, "labels_found")  # NaN in all rows where nothing tells them
+TOGETHER = (FOOTING, ("labels_found",))  # NaN in all rows where nothing tells them
 HINT = "the file is damaged, or of another run; run the scenario again"
 
 
@@ -117,13 +117,14 @@ class StoredRun:
         rows, ok = self.rows, self.metrics is not None and self.metrics["status"] == "ok"
         half_s = 0.5 * self.scenario.control.sampling_time_s
         reached = len(rows) if ok else int(np.sum(rows.time_s < self._end_s - half_s))
-        for name, values in rows.to_columns().items():
-            if name.startswith("ref_") or name in rows.signals:
-                continue
-            sound = np.abs(values) <= _most(name, rows.q.shape[-1])
-            if name in UNKNOWN and np.isnan(values[:reached]).all():
-                continue
-            if not sound[:reached].all():
+        columns = rows.to_columns()
+        unknown = set(rows.signals)
+        for names in TOGETHER:
+            if all(np.isnan(columns[name][:reached]).all() for name in names):
+                unknown.update(names)
+        for name, values in columns.items():
+            sound = np.abs(values[:reached]) <= _most(name, rows.q.shape[-1])
+            if not sound.all() and name not in unknown and not name.startswith("ref_"):
                 k = int(sound.argmin())
                 yield f"its column {name} is {values[k]:g} at {rows.time_s[k]:g} s"
 
