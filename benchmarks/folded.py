@@ -20,7 +20,7 @@ import ttwmr_mj as tt
 from ttwmr_mj.plants.model.joints import Joints
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.results.metrics import score
-from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.state import FloatArray
 
 FOLDED = [name for name in CASES if name.startswith("first")]

@@ -27,6 +27,7 @@ from ttwmr_mj.dynamics.kinematics import q_rate, to_body, workspace_rate
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.closed_loop.actuation import Actuation
+from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -50,7 +51,7 @@ class Loop:
 
     def __init__(self, scenario: Scenario, nsim: int) -> None:
         """Start on the reference; the sensor must have no noise."""
-        reference, told = build.sample_reference(scenario), build.believed_reference(scenario)
+        reference, told = sample_reference(scenario), believed_reference(scenario)
         assert reference is not None
         rng = build.generators(scenario.seed, ("sensor", "controller", "commands"))
         plant = build.make_plant(scenario, nsim)

@@ -12,7 +12,7 @@ from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import Hitch, RobotParameters
-from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.motion import sample_reference
 
 TIMES = 0.033 * np.arange(400)
 NOTHING = np.zeros(5)

@@ -20,10 +20,10 @@ from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs import build
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, RobotState
@@ -176,8 +176,8 @@ def test_the_log_says_what_was_learned_with_units(tmp_path: Path) -> None:
 def test_runs_are_judged_by_what_carries_f_on_the_floor_there_is() -> None:
     scenario = scenario_of("tvlqr", ("slope",), *SLOPE)
     level = scenario_of("tvlqr", ("slope",))
-    told, judged = build.believed_reference(scenario), build.sample_reference(scenario)
-    plain = build.sample_reference(level)
+    told, judged = believed_reference(scenario), sample_reference(scenario)
+    plain = sample_reference(level)
     assert told is not None
     assert judged is not None
     assert plain is not None
@@ -209,7 +209,7 @@ def test_the_filter_smooths_dry_friction_as_the_law_does() -> None:
 def test_another_trailer_that_is_believed_in_has_a_reference_of_its_own() -> None:
     longer = "belief.robot.trailer.com_offset_m=0.16"
     scenario = scenario_of("tvlqr", (), longer)
-    told, judged = build.believed_reference(scenario), build.sample_reference(scenario)
+    told, judged = believed_reference(scenario), sample_reference(scenario)
     times = scenario.control.sampling_time_s * np.arange(scenario.samples)
     of_truth = scenario.reference.sample(times, scenario.robot)
     of_belief = scenario.reference.sample(times, scenario.believed_robot)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.scenario.checks import _undefined_start, check
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 
 

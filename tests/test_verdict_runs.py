@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.judgement.foresight import foretold
 from ttwmr_mj.runs.judgement.verdict import demands_of
+from ttwmr_mj.scenario.motion import sample_reference
 
 LEAN = ["output.recording=false", "output.figures=false"]
 LYAPUNOV = 'controller={kind="lyapunov"}'

@@ -13,23 +13,9 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.registry import guarded
 from ttwmr_mj.runs.law.laws import START_LIMIT, leave_if_forked
 from ttwmr_mj.scenario.equations import plant_of_equations
-from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import AtRest, Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
 from ttwmr_mj.state import RobotState
-
-__all__ = [
-    "believed_reference",
-    "generator",
-    "generators",
-    "initial_state",
-    "make_controller",
-    "make_plant",
-    "make_sensor",
-    "refuse_reference",
-    "refuse_unbuildable",
-    "sample_reference",
-]
 
 _kept: list[Controller] | None = None
 

@@ -9,6 +9,7 @@ from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.law.laws import START_LIMIT
+from ttwmr_mj.scenario.motion import believed_reference
 from ttwmr_mj.scenario.schema import Scenario
 
 
@@ -47,7 +48,7 @@ def _dry_task(scenario: Scenario) -> Task:
     """The task of a run of it."""
     return Task(
         scenario.believed_robot,
-        build.believed_reference(scenario),
+        believed_reference(scenario),
         scenario.control.sampling_time_s,
         1,
         build.generator(scenario.seed, "controller"),

@@ -24,6 +24,7 @@ from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.runs.law.laws import Laws, Part
 from ttwmr_mj.runs.pushes import Push
+from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import RobotState
@@ -66,10 +67,10 @@ class Simulations:
         self.scenarios, self._folder = tuple(scenarios), folder
         self._draws = draws or [0] * len(scenarios)
         self._one = stacked(self.scenarios)
-        self.references = _once(build.sample_reference, self.scenarios, _judged_by)
+        self.references = _once(sample_reference, self.scenarios, _judged_by)
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
         self.sensor: Sensor | None = None
-        self._told = _once(build.believed_reference, self.scenarios, _told_by)
+        self._told = _once(believed_reference, self.scenarios, _told_by)
         own = self._grouped_laws()
         self._laws = [(controller, [*range(self.nsim)])] if controller else own
 

@@ -12,12 +12,12 @@ from ttwmr_mj.files import named
 from ttwmr_mj.plants.model.names import CONTACTS
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
-from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.closed_loop.loop import Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import unknown_to_the_models
 from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.timing import physics_step_faults
 from ttwmr_mj.studies.compare import motion

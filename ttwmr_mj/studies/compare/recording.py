@@ -23,7 +23,7 @@ from ttwmr_mj.recording.stream.live import LiveView
 from ttwmr_mj.recording.stream.rrd_file import RrdFile
 from ttwmr_mj.results.curves import Curves
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.build import sample_reference
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.measures.deviation import Deviation

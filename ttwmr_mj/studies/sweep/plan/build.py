@@ -11,9 +11,9 @@ import numpy as np
 from ttwmr_mj.assets import scenarios_folder
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import is_file, resolved
-from ttwmr_mj.runs.build import sample_reference
 from ttwmr_mj.runs.report import HEADLINES
 from ttwmr_mj.scenario.file import find_scenario, read_scenario
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.ingredients import ENTRY, made_of_run
 from ttwmr_mj.studies.sweep.plan.axes import Table
