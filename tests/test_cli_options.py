@@ -105,11 +105,12 @@ EVERYTHING = {
     "bench s.toml --out o --rescore --workers 2 --max-rows 9 --quiet --debug": Bench(
         suite="s.toml", out=Path("o"), rescore=True, workers=2, max_rows=9, quiet=True, debug=True
     ),
-    f"calibrate c {SHARED} --images i --board b.png --out c.yaml --debug": Calibrate(
+    f"calibrate c {SHARED} --images i --board b.png --out c.yaml --force --debug": Calibrate(
         scenario="c",
         images=Path("i"),
         board=Path("b.png"),
         out=Path("c.yaml"),
+        force=True,
         debug=True,
         **OVERRIDES,
     ),
