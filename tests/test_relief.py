@@ -8,13 +8,17 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.assets import models_folder
 from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.floor.terrain import Kerb, Terrain
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
+from ttwmr_mj.plants.footing import FLOWN_M
 from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.joints import HEIGHT
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.relief import Relief
+from ttwmr_mj.plants.stance import CENTRES, CONTACTS
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters
@@ -53,6 +57,8 @@ def test_the_model_has_the_terrain_and_the_kerbs() -> None:
     # single precision in the model
     expected = np.where(on, np.maximum(grid, 0.003), grid)
     assert relief.at(points) == pytest.approx(expected, abs=1e-8)
+    assert (relief.lowest_m, relief.highest_m) == pytest.approx((grid.min(), expected.max()))
+    assert relief.at(np.array([[2.01, 0.0], [0.0, -3.0]])).tolist() == [relief.lowest_m] * 2
     middle = 0.25 * (grid[3, 4] + grid[3, 5] + grid[4, 4] + grid[4, 5])
     between = np.array([nodes[4] + nodes[5], nodes[3] + nodes[4]]) / 2.0
     assert relief.at(between) == pytest.approx(middle, abs=1e-8)
@@ -224,6 +230,40 @@ def test_robots_that_no_longer_stand_are_told(changes: list[str], verdict: str, 
     assert metrics["height_max_m"] == rows.height_m.max()
     assert metrics["airborne_share"] == (rows.wheels_on_floor < 2).mean()
     assert metrics["slipping_share"] == (rows.wheel_slip_m_s > 0.03).mean()
+
+
+def test_a_robot_that_falls_stands_on_nothing(tmp_path: Path) -> None:
+    """It starts beside the floor of a stranger's scene, and falls without turning over."""
+    scene = (models_folder() / "scene.xml").read_text()
+    scene = scene.replace('"ttwmr.xml"', f'"{models_folder() / "ttwmr.xml"}"')
+    scene = scene.replace(
+        'type="plane" size="0 0 0.05"', 'type="box" size="0.3 0.3 0.05" pos="0 0 -0.05"'
+    )
+    (tmp_path / "scene.xml").write_text(scene)
+    given = ["duration_s=3.0", f"plant.contact.model_path='{tmp_path / 'scene.xml'}'"]
+    result = tt.simulate(tt.load_scenario("straight_line", given))
+    (outcome,), rows = result.outcomes, result.trajectory
+    assert outcome.status == "diverged"
+    assert outcome.reason.endswith("m below the ground (limit 0.3 m)")
+    assert rows.wheels_on_floor[-1, 0] == 0
+    assert score(rows, result.scenario.robot)[0]["airborne_share"] > 0.5
+
+
+def test_free_fall_is_told_from_standing() -> None:
+    """Upright, under a floor that holds nothing."""
+    plant = ContactPlant(RobotParameters(), ContactOptions())
+    plant.reset(RobotState(np.zeros((1, 4)), np.zeros((1, 4))))
+    standing = plant.stance()
+    for fallen_m, wheels in ((0.0, 2), (0.1, 0), (0.29, 0), (0.31, 0)):
+        stance = standing.copy()
+        stance[:, HEIGHT] -= fallen_m
+        stance[:, CENTRES][:, 2::3] -= fallen_m
+        if fallen_m:
+            stance[:, CONTACTS] = 0.0
+        footing = plant.footing(stance)
+        assert footing.wheels_on_floor.tolist() == [wheels]
+        assert footing.gone.tolist() == [fallen_m > FLOWN_M]
+        assert plant.sound(stance) == (fallen_m < FLOWN_M)
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 from ttwmr_mj.state import BoolArray, FloatArray
 
 TIPPED_RAD = 1.0  # no wheel of a robot so far tilted carries it any longer
-FLOWN_M = 0.3  # over the ground: whatever threw it, it is not driving
+FLOWN_M = 0.3  # over or under the ground: whatever threw or dropped it, it is not driving
 
 
 class Footing(NamedTuple):
@@ -21,4 +21,4 @@ class Footing(NamedTuple):
     @property
     def gone(self) -> BoolArray:
         """Who stands no longer (..., nsim)."""
-        return np.asarray((self.tilt_rad > TIPPED_RAD) | (self.height_m > FLOWN_M))
+        return np.asarray((self.tilt_rad > TIPPED_RAD) | (np.abs(self.height_m) > FLOWN_M))

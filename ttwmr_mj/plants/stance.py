@@ -56,7 +56,12 @@ class Stance:
         self._contacts = wheel_columns[:, [FOUND, *SLIP]].ravel()
         self.flat = all(relief.flat for relief in reliefs)
         lowest = min(relief.lowest_m for relief in reliefs)
-        self._plain = np.array([float(settled_height_m.min()) + lowest + FLOWN_M, PLAIN_TILT])
+        highest = max(relief.highest_m for relief in reliefs)
+        # heights of P that are no more than FLOWN_M from where it stands, wherever it is
+        self._plain_m = (
+            float(settled_height_m.max()) + highest - FLOWN_M,
+            float(settled_height_m.min()) + lowest + FLOWN_M,
+        )
 
     def read(self, qpos: FloatArray, sensordata: FloatArray, xpos: FloatArray) -> FloatArray:
         """(nsim, 19) of the robots whose data these are (nsim, ...)."""
@@ -65,9 +70,9 @@ class Stance:
 
     def stands(self, readings: FloatArray) -> bool:
         """Whether it is plain from readings (nsim, 19) that every robot stands."""
-        height = readings[:, HEIGHT].max()
+        height, (low, high) = readings[:, HEIGHT], self._plain_m
         tilt = np.abs(readings[:, TILT]).max()
-        return bool(height < self._plain[0] and tilt < self._plain[1])
+        return bool(low < height.min() and height.max() < high and tilt < PLAIN_TILT)
 
     def footing(self, readings: FloatArray) -> Footing:
         """How the robots stood, from readings (..., nsim, 19)."""
@@ -81,8 +86,9 @@ class Stance:
             above = above - self._ground(centres[..., :2])
         found, *slip = np.moveaxis(_of_wheels(readings[..., CONTACTS]), -1, 0)
         touching = found > 0.0
-        # a tyre that slides on a hard floor touches it at every other step, micrometres above it
-        standing = touching | (above < self._near_m)
+        # a tyre that slides on a hard floor touches it at every other step, micrometres above it;
+        # a wheel whose centre is under the ground has fallen through it, or beside it
+        standing = touching | ((above > 0.0) & (above < self._near_m))
         speed = np.where(touching, np.hypot(*slip), 0.0)
         return Footing(
             tilt_rad=np.arccos(np.maximum(np.minimum(up, 1.0), -1.0)),

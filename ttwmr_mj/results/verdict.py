@@ -30,7 +30,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
     "interrupted": ("interrupted", "it was stopped by the user"),
     "killed": ("killed", "its process was killed; `ttwmr score` sums up what is left of it"),
     "failed": ("failed", "physics or the controller broke, or the controller took too long"),
-    "diverged": ("diverged", "the state left all bounds"),
+    "diverged": ("diverged", "the state left all bounds, or the robot turned over, flew or fell"),
     "tipped_over": ("tipped over", "the tractor tilted by more than `tilt_rad`"),
     "off_the_ground": (
         "off the ground",

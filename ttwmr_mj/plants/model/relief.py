@@ -79,7 +79,8 @@ class Relief:
 
     Attributes:
         flat: whether there is only the floor.
-        lowest_m: no place is lower.
+        lowest_m: no place is lower; where the floor is, beyond the terrain.
+        highest_m: no place is higher.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -87,16 +88,18 @@ class Relief:
         self._kerbs = [geoms[name] for name in geoms if name.startswith("kerb_")]
         self._model, self._terrain = model, geoms.get(TERRAIN)
         self.flat = self._terrain is None and not self._kerbs
-        self.lowest_m = 0.0
+        self.lowest_m = self.highest_m = 0.0
         if self._terrain is not None:
             shape = int(model.hfield_nrow[0]), int(model.hfield_ncol[0])
             self._half, _, rise, _ = model.hfield_size[0].tolist()
             low = model.geom_pos[self._terrain][2]
             self.heights_m = low + rise * model.hfield_data.reshape(shape)
-            self.lowest_m = float(self.heights_m.min())
+            self.lowest_m, self.highest_m = float(self.heights_m.min()), float(self.heights_m.max())
+        tops = (model.geom_pos[kerb][2] + model.geom_size[kerb][2] for kerb in self._kerbs)
+        self.highest_m = max([self.highest_m, *map(float, tops)])
 
     def at(self, points_m: FloatArray) -> FloatArray:
-        """(...) height under points (..., 2); beyond the terrain that of its nearest point."""
+        """(...) height under points (..., 2); beyond the terrain that of the floor."""
         height = np.zeros(points_m.shape[:-1])
         if self._terrain is not None:
             height = self._on_terrain(points_m)
@@ -109,17 +112,18 @@ class Relief:
         return np.asarray(height)
 
     def _on_terrain(self, points_m: FloatArray) -> FloatArray:
-        """Bilinear between the grid's points."""
+        """Bilinear between the grid's points, and the floor around them."""
         rows, columns = self.heights_m.shape
         most = np.array([columns, rows]) - 1.0
         place = (points_m + self._half) / (2.0 * self._half) * most
+        beyond = ((place < 0.0) | (place > most)).any(axis=-1)
         place = np.clip(place, 0.0, most)
         cell = np.minimum(np.floor(place).astype(np.int64), (most - 1).astype(np.int64))
         (x, y), (column, row) = np.moveaxis(place - cell, -1, 0), np.moveaxis(cell, -1, 0)
         low = (1.0 - x) * self.heights_m[row, column] + x * self.heights_m[row, column + 1]
         high = (1.0 - x) * self.heights_m[row + 1, column]
         high = high + x * self.heights_m[row + 1, column + 1]
-        return np.asarray((1.0 - y) * low + y * high)
+        return np.where(beyond, self.lowest_m, (1.0 - y) * low + y * high)
 
 
 def _plane_axes(quaternion: FloatArray) -> FloatArray:

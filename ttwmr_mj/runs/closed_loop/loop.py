@@ -270,7 +270,9 @@ def _no_longer_stands(footing: Footing, simulation: int) -> str:
     tilt, height = footing.tilt_rad[simulation], footing.height_m[simulation]
     if tilt > TIPPED_RAD:
         return f"the robot tipped over: its tilt is {tilt:.2g} rad (limit {TIPPED_RAD:g} rad)"
-    return f"the robot left the ground: it is {height:.2g} m above it (limit {FLOWN_M:g} m)"
+    if height > 0.0:
+        return f"the robot left the ground: it is {height:.2g} m above it (limit {FLOWN_M:g} m)"
+    return f"the robot fell: it is {-height:.2g} m below the ground (limit {FLOWN_M:g} m)"
 
 
 def _without(command: Command, ended: list[int]) -> Command:
