@@ -10,6 +10,8 @@ import subprocess
 import sys
 import termios
 import time
+from array import array
+from fcntl import ioctl
 from pathlib import Path
 
 import numpy as np
@@ -189,6 +191,24 @@ def test_arrow_keys_add_up_and_have_an_end(typed: tuple[int, Hands]) -> None:
         os.write(terminal, b"B")
         _look(hands, -STEP)
         assert not hands.ended
+
+
+def test_of_a_pasted_text_only_the_beginning_is_taken(typed: tuple[int, Hands]) -> None:
+    """However long it is, a look takes as long; and the rest of it is no keys."""
+    terminal, hands = typed
+    with hands:
+        text = UP.encode() + 3000 * b"a" + b"q"
+        os.write(terminal, text)
+        waiting = array("i", [0])
+        while waiting[0] < len(text):
+            ioctl(sys.stdin, termios.FIONREAD, waiting)
+        hands.look()
+        ioctl(sys.stdin, termios.FIONREAD, waiting)
+        assert waiting[0] == 0
+        assert (hands.forward, hands.ended) == (STEP, False)
+        os.write(terminal, b"q")
+        while not hands.ended:
+            hands.look()
 
 
 def test_a_terminal_that_vanishes_ends_the_drive(typed: tuple[int, Hands]) -> None:

@@ -1,6 +1,7 @@
 """What a person's hands ask for: arrow keys in a terminal, or the stick of a gamepad."""
 
 import os
+import re
 import select
 import struct
 import sys
@@ -19,6 +20,9 @@ AXIS, BUTTON = 0x02, 0x01  # with 0x80 added, states at the start, which are no 
 FULL = 32767.0
 STEP = 0.125  # of the largest speed, per key press
 KEYS = {"A": (STEP, 0.0), "B": (-STEP, 0.0), "C": (0.0, -STEP), "D": (0.0, STEP)}
+ESCAPED_OR_LETTER = re.compile(r"\x1b[\[O]([^\x1b])|([^\x1b])")  # Esc alone is neither
+UNFINISHED = re.compile(r"\x1b[\[O]?\Z")  # the rest of such a key is still on its way
+MOST_TYPED = 1024  # bytes in a look; nobody types as many, who pastes a text means no keys
 HELP = "↑ ↓ faster, slower; ← → turn; space stops; q ends the run"
 
 
@@ -70,34 +74,39 @@ class Hands:
         return HELP if self._gamepad is None else f"{HELP}; or the gamepad's left stick"
 
     def look(self) -> None:
-        """Take what was typed and moved since the last look."""
-        while select.select([self._terminal], [], [], 0.0)[0]:
-            try:
-                typed = os.read(self._terminal, 64)
-            except OSError:
-                typed = b""
-            if not typed:  # the terminal is gone
-                self.ended = True
-                break
+        """Take what was typed and moved since the last look; of a flood only its beginning."""
+        if select.select([self._terminal], [], [], 0.0)[0]:
+            typed = self._read_terminal()
+            self.ended |= not typed  # the terminal is gone
             self._typed += typed.decode(errors="ignore")
-        self._take_keys()
+            self._take_keys()
         if self._gamepad is not None:
             self._take_stick(self._gamepad)
 
+    def _read_terminal(self) -> bytes:
+        """At most MOST_TYPED bytes, of which there are some; none where there is no terminal."""
+        try:
+            typed = os.read(self._terminal, MOST_TYPED)
+            if len(typed) == MOST_TYPED:
+                termios.tcflush(self._terminal, termios.TCIFLUSH)
+        except (OSError, termios.error):
+            return b""
+        return typed
+
     def _take_keys(self) -> None:
-        while self._typed:
-            if self._typed[0] != "\x1b":
-                self._take_letter(self._typed[0])
-                self._typed = self._typed[1:]
-            elif self._typed[1:2] not in ("", "[", "O"):  # Esc alone
-                self._typed = self._typed[1:]
-            elif len(self._typed) < 3:
-                break  # the rest of the sequence is still on its way
+        unfinished = UNFINISHED.search(self._typed)
+        end = unfinished.start() if unfinished else len(self._typed)
+        for arrow, letter in ESCAPED_OR_LETTER.findall(self._typed[:end]):
+            if arrow:
+                self._take_arrow(arrow)
             else:
-                forward, turn = KEYS.get(self._typed[2], (0.0, 0.0))
-                self.forward = _within(self.forward + forward)
-                self.turn = _within(self.turn + turn)
-                self._typed = self._typed[3:]
+                self._take_letter(letter)
+        self._typed = self._typed[end:]
+
+    def _take_arrow(self, arrow: str) -> None:
+        forward, turn = KEYS.get(arrow, (0.0, 0.0))
+        self.forward = _within(self.forward + forward)
+        self.turn = _within(self.turn + turn)
 
     def _take_letter(self, letter: str) -> None:
         if letter == " ":
