@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import date
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,8 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.controllers.custom import CustomOptions
+from ttwmr_mj.scenario.file import require_scenario
 
 SHORT = tt.load_scenario("lab_circle", ["duration_s=0.1", "plant.kind=analytic"])
 
@@ -29,6 +32,50 @@ SHORT = tt.load_scenario("lab_circle", ["duration_s=0.1", "plant.kind=analytic"]
 def test_what_cannot_be_simulated_is_told(arguments: dict[str, Any], told: str) -> None:
     with pytest.raises(tt.InputError, match=told):
         tt.simulate(**({"scenario": SHORT} | arguments))
+
+
+@pytest.mark.parametrize(
+    ("update", "told"),
+    [
+        ({"duration_s": 1e9}, r"^scenario\.duration_s: got 1000000000"),
+        ({"duration_s": "a"}, r"^scenario\.duration_s: got 'a'"),
+        ({"seed": -1}, r"^scenario\.seed: got -1"),
+        ({"robot": None}, r"^scenario\.robot: got None; allowed: a table"),
+        ({"reference": None}, r"^scenario\.reference: got None; allowed: a table"),
+        ({"duration": 1.0}, r"^scenario\.duration: unknown key \(did you mean 'duration_s'"),
+        (
+            {"control": SHORT.control.model_copy(update={"sampling_time_s": -1.0})},
+            r"^scenario\.control\.sampling_time_s: got -1\.0",
+        ),
+        ({"duration_s": 1e-4}, r"^scenario\.duration_s: .*at least one control period"),
+    ],
+)
+def test_what_a_copy_is_told_wrong_is_refused(update: dict[str, Any], told: str) -> None:
+    """Pydantic's model_copy looks at nothing."""
+    copied = SHORT.model_copy(update=update)
+    for call in (tt.simulate, tt.run, tt.compare):
+        with pytest.raises(tt.InputError, match=told):
+            call(copied)
+    with pytest.raises(tt.InputError, match=told.replace("scenario", r"scenarios\[1\]")):
+        tt.run_batch([SHORT, copied])
+
+
+def test_a_sound_copy_is_run_as_it_is() -> None:
+    strange = {
+        "array": np.arange(3.0),
+        "far": float("inf"),
+        "day": date(2020, 1, 1),
+        "path": Path(),
+    }
+    own = CustomOptions(target="idle:Idle", folder="laws", options=strange)
+    unkind = tt.load_scenario("sim_circle", ["world=unkind", "plant.kind=contact"])
+    for whole in (SHORT.model_copy(update={"controller": own}), unkind.model_copy()):
+        assert require_scenario(whole) is whole
+    turned = SHORT.model_copy(update={"seed": np.int64(3), "belief": unkind.belief})
+    assert require_scenario(turned) is turned
+    tables = SHORT.model_copy(update={"ground": {"slope_rad": 0.1}, "world": "unkind"})
+    assert require_scenario(tables).ground.slope_rad == 0.1
+    assert require_scenario(tables).robot == SHORT.robot  # what its world adds, it had when read
 
 
 def test_numbers_and_folders_of_other_kinds_are_taken(tmp_path: Path) -> None:

@@ -42,7 +42,7 @@ def simulate(
     Raises:
         InputError: the scenario cannot be built, or an argument is of another kind.
     """
-    require_scenario(scenario)
+    scenario = require_scenario(scenario)
     nsim = require_whole("nsim", nsim, 1, MOST_SIMULATIONS)
     require(Controller | None, "controller", controller, hint="give an instance of it")
     return Experiment(scenario, _folder(scenario_folder), nsim, controller).run()
@@ -66,7 +66,7 @@ def run(
     Raises:
         InputError: the scenario cannot be built, or the folder is not empty or in use.
     """
-    require_scenario(scenario)
+    scenario = require_scenario(scenario)
     require(bool, "force", force)
     folder = results_folder(scenario.name, scenario.seed) if out is None else named("out", out)
     with new_folder(folder, force):

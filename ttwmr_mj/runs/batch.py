@@ -67,8 +67,7 @@ def run_batch(
     require(list, "scenarios", scenarios, hint="of what load_scenario gives")
     beside = Path() if folder is None else named("folder", folder)
     nthread = require_whole("nthread", nthread, 0, MOST_THREADS)
-    for i, scenario in enumerate(scenarios):
-        require_scenario(scenario, f"scenarios[{i}]")
+    scenarios = [require_scenario(one, f"scenarios[{i}]") for i, one in enumerate(scenarios)]
     who = defaultdict[Hashable, list[int]](list)
     for i, scenario in enumerate(scenarios):
         who[batch_key(scenario)].append(i)

@@ -17,6 +17,7 @@ MOST_FAULTS = 1000  # of a file with more, no more is looked for
 
 KINDS = {  # pydantic's name of a fault → what is meant, as a file has it
     "model_type": "a table",
+    "model_attributes_type": "a table",
     "dict_type": "a table",
     "tuple_type": "a list",
     "list_type": "a list",

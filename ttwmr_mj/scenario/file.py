@@ -4,13 +4,15 @@ import copy
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, get_type_hints
+from typing import Any, get_args, get_type_hints
+from weakref import WeakValueDictionary
 
 import numpy as np
 import tomli_w
 from pydantic import Field, ValidationError, create_model
 
 from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.config import Config
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys, require, shown
 from ttwmr_mj.files import (
@@ -25,6 +27,9 @@ from ttwmr_mj.robot import RobotParameters, merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.tables.worlds import World
+
+_SOUND = WeakValueDictionary[int, Scenario]()  # by their id: checked, and frozen since
 
 
 def find_scenario(name_or_path: str) -> Path:
@@ -93,9 +98,46 @@ def load_scenario(
     return check_scenario(data, source, path.parent)
 
 
-def require_scenario(given: object, where: str = "scenario") -> None:
-    """Refuse what is none; a name in the place of a scenario is easily written."""
+def require_scenario(given: object, where: str = "scenario") -> Scenario:
+    """The scenario that a script gives, which may be made by `model_copy`, and so be unchecked.
+
+    Returns:
+        itself; another one where a value was meant as a table or number of the schema's types.
+
+    Raises:
+        InputError: it is none, as a name in its place is easily written; or with every fault.
+    """
     require(Scenario, where, given, hint="load_scenario reads one by its name or file")
+    assert isinstance(given, Scenario)
+    if _SOUND.get(id(given)) is given:
+        return given
+    data = _tables(given)
+    world = data.get("world")
+    if world in get_args(World):  # it has been filled from it, or was changed since
+        data["world"] = "kind"
+    try:
+        again = type(given).model_validate(data).model_copy(update={"world": world})
+    except ValidationError as error:
+        raise InputError(*(fault.within(where) for fault in faults_of(error))) from error
+    scenario = given if again == given else again
+    if faults := check(scenario, []):
+        raise InputError(*(fault.within(where) for fault in faults))
+    return _sound(scenario)
+
+
+def _tables(value: Any) -> Any:
+    """The same in tables and Python's numbers; what only laws and packages know stays itself."""
+    if isinstance(value, Config):
+        return {name: _tables(item) for name, item in vars(value).items()}
+    if isinstance(value, tuple):
+        return tuple(map(_tables, value))
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _sound(scenario: Scenario) -> Scenario:
+    """The same, which need not be checked again."""
+    _SOUND[id(scenario)] = scenario
+    return scenario
 
 
 def read_scenario(path: Path) -> dict[str, Any]:
@@ -132,7 +174,7 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     faults += check(scenario, gone)
     if faults:
         raise InputError(*faults, file=source)
-    return scenario
+    return _sound(scenario)
 
 
 def _plain(value: Any, source: str, level: int = 0) -> Any:

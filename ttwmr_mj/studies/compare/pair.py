@@ -83,7 +83,7 @@ def run_pair(
         InputError: the scenario does not mean the same on both plants.
         RunError: a run failed.
     """
-    require_scenario(scenario)
+    scenario = require_scenario(scenario)
     if mode not in get_args(Mode):
         raise InputError.at("mode", got=shown(mode), allowed=", ".join(get_args(Mode)))
     if real_wheels and mode != "open_loop":
