@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
@@ -14,6 +15,7 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.state import RobotState
 
 SHORT = tt.load_scenario("lab_circle", ["duration_s=0.1", "plant.kind=analytic"])
 
@@ -76,6 +78,24 @@ def test_a_sound_copy_is_run_as_it_is() -> None:
     tables = SHORT.model_copy(update={"ground": {"slope_rad": 0.1}, "world": "unkind"})
     assert require_scenario(tables).ground.slope_rad == 0.1
     assert require_scenario(tables).robot == SHORT.robot  # what its world adds, it had when read
+
+
+def test_results_are_compared_by_their_values() -> None:
+    """NaN is NaN; they hold arrays, so they have no hash."""
+    result = tt.simulate(SHORT, 2)
+    assert np.isnan(result.trajectory.labels_found).any()
+    state = RobotState(result.trajectory.q[0], result.trajectory.q_rate[0])
+    command = tt.Command(np.zeros((2, 2)), np.zeros(2, bool), np.zeros(2, bool), {"a": np.ones(2)})
+    pair = tt.compare(tt.load_scenario("sim_circle", ["duration_s=0.1"]))
+    for value in (result, result.trajectory, state, command, pair, pair.deviation, pair.residuals):
+        assert value == copy.deepcopy(value)
+        assert value != 1
+        with pytest.raises(TypeError, match="unhashable"):
+            hash(value)
+    assert result.trajectory != result.trajectory.rows(0, 2)
+    assert state != replace(state, q=state.q + 1.0)
+    assert command != replace(command, signals={"a": np.zeros(2)})
+    assert result != replace(result, wall_time_s={})
 
 
 def test_numbers_and_folders_of_other_kinds_are_taken(tmp_path: Path) -> None:

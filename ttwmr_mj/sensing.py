@@ -13,7 +13,7 @@ from pydantic import Field
 from ttwmr_mj.channel import Arrived, Channel, LatencyQueue
 from ttwmr_mj.config import each
 from ttwmr_mj.robot import Config
-from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+from ttwmr_mj.state import ArrayFields, BoolArray, FloatArray, RobotState
 
 NOISE_BLOCK = 64  # samples whose noise is drawn at once
 T = TypeVar("T")
@@ -77,8 +77,8 @@ def _noise_std(options: TruthSensing) -> FloatArray:
     return np.array([[position, position, angle, angle], [velocity, velocity, rate, rate]])
 
 
-@dataclass(frozen=True, slots=True)
-class Estimate:
+@dataclass(frozen=True, slots=True, eq=False)
+class Estimate(ArrayFields):
     """The state as the controller knows it.
 
     Attributes:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +17,33 @@ TWO_PI = 2.0 * np.pi
 RIGHT, LEFT = range(2)  # columns of wheel speeds: (ω_r, ω_l) as in Eq. 8-9
 
 
-@dataclass(frozen=True, slots=True)
-class RobotState:
+class ArrayFields:
+    """Base of dataclasses with arrays: equal where every value is, NaN to NaN; without a hash.
+
+    They are made with `eq=False`, since the comparison that `dataclass` writes fails on arrays.
+    """
+
+    __slots__ = ()
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = [f.name for f in fields(self)]  # type: ignore[arg-type]  # of a subclass, it is one
+        return all(_same(getattr(self, name), getattr(other, name)) for name in names)
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        return np.array_equal(a, b, equal_nan=True)
+    if isinstance(a, Mapping) and isinstance(b, Mapping):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    return bool(a is b or a == b)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RobotState(ArrayFields):
     """Generalized coordinates q = (x, y, θ1, θ2, …) (Eq. 2) and their rates, with n trailers.
 
     World frame, SI units. (x, y) is P, the middle of the wheel axle and the hitch. Angles are

@@ -19,7 +19,7 @@ from ttwmr_mj.references.shared.reference import Reference, faults_only, kind_of
 from ttwmr_mj.registry import Registry, guarded
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
-from ttwmr_mj.state import BoolArray, FloatArray
+from ttwmr_mj.state import ArrayFields, BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,8 @@ class Task:
         return self.path.after(self.ahead)
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+@dataclass(frozen=True, slots=True, eq=False)
+class Command(ArrayFields):
     """Wheel speeds for the coming period, and what the law wants to be logged with them.
 
     Attributes:

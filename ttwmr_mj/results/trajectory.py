@@ -14,7 +14,7 @@ import numpy as np
 
 from ttwmr_mj.errors import InputError, MachineError, of_system, require_whole
 from ttwmr_mj.files import named, no_device, write_parquet
-from ttwmr_mj.state import BoolArray, FloatArray, RobotState
+from ttwmr_mj.state import ArrayFields, BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -77,8 +77,8 @@ def _of_all_trains() -> frozenset[str]:
     return frozenset(column_names(WIDEST))
 
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+@dataclass(frozen=True, slots=True, eq=False)
+class Trajectory(ArrayFields):
     """A batch of runs, sampled at the control period; row k is what was true at time_s[k].
 
     World frame, SI units, angles unwrapped; the columns of q are x, y of P, θ1, θ2 (Eq. 2)

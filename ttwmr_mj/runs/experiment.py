@@ -18,11 +18,11 @@ from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.runs.simulations import Simulations
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import ArrayFields, FloatArray, RobotState
 
 
-@dataclass(frozen=True, slots=True)
-class Result:
+@dataclass(frozen=True, slots=True, eq=False)
+class Result(ArrayFields):
     """A finished run of one or many simulations.
 
     Attributes:

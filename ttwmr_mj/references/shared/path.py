@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.state import FloatArray
+from ttwmr_mj.state import ArrayFields, FloatArray
 
 
 class Moment(NamedTuple):
@@ -20,8 +20,8 @@ class Moment(NamedTuple):
     theta_rate: FloatArray  # (..., 1 + trailers)
 
 
-@dataclass(frozen=True, slots=True)
-class ReferencePath:
+@dataclass(frozen=True, slots=True, eq=False)
+class ReferencePath(ArrayFields):
     """Reference motion of P and of the two angles, at n sample times.
 
     World frame, SI units. The batch axis is 1 when every simulation follows the same reference,

@@ -8,11 +8,11 @@ import numpy as np
 
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import ArrayFields, FloatArray, RobotState
 
 
-@dataclass(frozen=True, slots=True)
-class PhysicsRate:
+@dataclass(frozen=True, slots=True, eq=False)
+class PhysicsRate(ArrayFields):
     """A run of one simulation at its start and after each of n physics steps."""
 
     time_s: FloatArray  # (n + 1,) from zero

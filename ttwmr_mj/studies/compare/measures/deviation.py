@@ -8,7 +8,7 @@ import numpy as np
 
 from ttwmr_mj.dynamics.kinematics import to_body
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.state import THETA1, THETA2, ArrayFields, FloatArray
 
 # Bounds whose first crossing is reported: P in metres, angles in radians.
 POSITION_BOUNDS_M = (1e-4, 1e-3, 1e-2)
@@ -17,8 +17,8 @@ ANGLE_BOUNDS_RAD = (1e-3, 1e-2, 1e-1)
 Numbers = dict[str, float | None]
 
 
-@dataclass(frozen=True, slots=True)
-class Deviation:
+@dataclass(frozen=True, slots=True, eq=False)
+class Deviation(ArrayFields):
     """Contact physics minus analytic model, one simulation each, at the control samples.
 
     Angles are unwrapped on both sides and differ by what they turned: a trailer that spun once

@@ -19,13 +19,13 @@ from ttwmr_mj.dynamics.train import (
 )
 from ttwmr_mj.plants.contact_readings import read_contacts
 from ttwmr_mj.plants.model.names import CONTACTS, contacts
-from ttwmr_mj.state import THETA1, THETA2, FloatArray, hitch_angles
+from ttwmr_mj.state import THETA1, THETA2, ArrayFields, FloatArray, hitch_angles
 from ttwmr_mj.studies.compare.measures.deviation import Numbers, largest, rms
 from ttwmr_mj.studies.compare.motion import ContactRun
 
 
-@dataclass(frozen=True, slots=True)
-class Residuals:
+@dataclass(frozen=True, slots=True, eq=False)
+class Residuals(ArrayFields):
     """Slip and residuals of a contact run at the control samples.
 
     Attributes:
