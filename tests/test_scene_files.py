@@ -13,7 +13,7 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.mjcf import build_model
-from ttwmr_mj.plants.model.scene_files import MOST_BYTES, scene_files
+from ttwmr_mj.plants.model.scene.files import MOST_BYTES, scene_files
 from ttwmr_mj.robot import RobotParameters
 
 ROBOT = RobotParameters()

@@ -17,10 +17,11 @@ from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
 from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.engine import batch, mujoco
-from ttwmr_mj.plants.model.joints import HEIGHT, Joints, W, X, Y
+from ttwmr_mj.plants.model.joints import HEIGHT, Joints, as_slice
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.names import WHEELS, casters, contacts, trailer_part
-from ttwmr_mj.plants.model.relief import Relief, take_off
+from ttwmr_mj.plants.model.relief import Relief
+from ttwmr_mj.plants.model.settled import settled_qpos
 from ttwmr_mj.plants.stance import Stance
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
@@ -29,10 +30,6 @@ LET_DOWN_S = 1.0  # on uneven ground: a fall of a few mm, and what rattles after
 _RINGS = np.linspace(0.0, 1.0, 11)[:, None, None]
 _AROUND = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 AROUND: FloatArray = (_RINGS * np.stack([np.cos(_AROUND), np.sin(_AROUND)], axis=-1)).reshape(-1, 2)
-SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
-# How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
-# order of summation leaves; a mirrored robot must stand in exactly the same way.
-SETTLED_DECIMALS = 15
 
 
 class ContactPlant(Plant):
@@ -67,14 +64,16 @@ class ContactPlant(Plant):
         self.models = _compiled(list(zip(*built, strict=True)), torque_input=torque_input)
         self.model = self.models[0]
         self._joints = Joints(self.model)
+        self._drives = as_slice([int(self.model.actuator(name).id) for name in WHEELS])
         self._robot, self._torque_input = robot, torque_input
         drive = each(partial(Drive.of, torque_input=torque_input), robot.servo)
         self._back = column(drive.back)
         self._firmware = Firmware(columns(motor)) if (motor := robot.servo.motor) else None
         self._regions, self._elsewhere = columns(ground).regions, column(options.floor_friction)
-        self._leans = any(np.any(trailer.com_lateral_m) for trailer in robot.trailers)
+        leans = any(np.any(trailer.com_lateral_m) for trailer in robot.trailers)
         threads = nthread or min(nsim, os.cpu_count() or 1)
-        self._settled_qpos = self._settle(self.models, threads)
+        in_own_scene = [row.model_path is not None for row in rows_of(options, nsim)]
+        self._settled_qpos = settled_qpos(self.models, in_own_scene, threads, leans=leans)
         self._batch = batch.Batch(self.model, nsim, threads)
         self._own_models: list[mujoco.MjModel] = []
         if any(model is not self.model for model in self.models):
@@ -124,33 +123,6 @@ class ContactPlant(Plant):
             self._contact_columns[wheels],
         )
 
-    def _settle(self, models: list[mujoco.MjModel], threads: int) -> FloatArray:
-        """(nsim, nq) generalized positions of robots standing in their contacts at the origin.
-
-        They sink and tilt about their y axis; nothing else may differ from the keyframe, but for a
-        load off the axis, which also tilts about x. Whatever the ground, a robot stands as if it
-        were level and flat.
-        """
-        first = {id(model): i for i, model in reversed(list(enumerate(models)))}
-        place = {key: i for i, key in enumerate(first)}
-        level = [copy.copy(models[i]) for i in first.values()]
-        for model in level:
-            model.opt.gravity[:2] = 0.0
-            take_off(model)
-        apart = batch.Batch(level[0], len(level), min(threads, len(level)))
-        if len(level) > 1:
-            apart.set_models(level)
-        qpos = apart.bind("qpos")
-        apart.reset(keyframe=0)
-        standing = np.array(qpos)
-        apart.step(nstep=round(SETTLE_S / self.time_step_s))
-        free = self._joints.free_qpos
-        tilts = [free + Y, free + X] if self._leans else [free + Y]
-        sunk = [free + HEIGHT, *tilts]
-        standing[:, sunk] = np.round(qpos[:, sunk], SETTLED_DECIMALS)
-        standing[:, free + W] = np.sqrt(1.0 - (standing[:, tilts] ** 2).sum(axis=1))
-        return standing[[place[id(model)] for model in models]]
-
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
@@ -169,7 +141,7 @@ class ContactPlant(Plant):
             self._firmware.reset(angles, self._setpoint, given)
         self._passed.clear()
         # inputs that give no torque: of zero, servos would brake in the first readings
-        self._control[:] = self._back * self._setpoint
+        self._control[:, self._drives] = self._back * self._setpoint
         self._batch.forward()
         if self._regions:
             self._feel_floor()
@@ -268,7 +240,9 @@ class ContactPlant(Plant):
 
     def _step(self, inputs: FloatArray) -> None:
         """Physics steps under inputs (nsim, n, 2) of the wheels' drives, as of `Drive`."""
-        passed = self._batch.rollout(inputs.shape[1], inputs, record=self._record)
+        passed = self._batch.rollout(
+            inputs.shape[1], inputs[..., self._drives], record=self._record
+        )
         if passed:
             self._passed.append((passed["qpos"], passed["qvel"], inputs))
 

@@ -19,7 +19,7 @@ class Joints:
 
     Attributes:
         trailers: how many there are.
-        free_qpos: where the tractor's seven positions start.
+        free_qpos, free_qvel: where the tractor's seven positions and six velocities start.
         wheel_qpos, wheel_qvel: of the wheels (right, left).
         ball_qvel: where the three velocities of each caster's ball start.
     """
@@ -29,16 +29,16 @@ class Joints:
             joints = [model.joint(name) for name in names]
             return [int(j.qposadr[0]) for j in joints], [int(j.dofadr[0]) for j in joints]
 
-        (self.free_qpos,), (self._free_qvel,) = places(("tractor",))
+        (self.free_qpos,), (self.free_qvel,) = places(("tractor",))
         named = {model.joint(i).name for i in range(model.njnt)}
         self.trailers = next(n for n in range(1, model.njnt) if hitches(n + 1)[-1] not in named)
         hitch_qpos, hitch_qvel = places(hitches(self.trailers))
-        self._hitch_qpos, self._hitch_qvel = _run(hitch_qpos), _run(hitch_qvel)
-        x, vx = self.free_qpos, self._free_qvel
+        self._hitch_qpos, self._hitch_qvel = as_slice(hitch_qpos), as_slice(hitch_qvel)
+        x, vx = self.free_qpos, self.free_qvel
         # where x, y, something in θ1's stead, and the hitches' angles are; and their rates
         self._q_places = np.array([x, x + 1, x + Z, *hitch_qpos])
         self._q_rate_places = np.array([vx, vx + 1, vx + YAW_RATE, *hitch_qvel])
-        self.wheel_qpos, self.wheel_qvel = map(_run, places(WHEELS))
+        self.wheel_qpos, self.wheel_qvel = map(as_slice, places(WHEELS))
         _, self.ball_qvel = places(casters(self.trailers))
 
     def planar(self, qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -83,14 +83,14 @@ class Joints:
     def moving(self, q_rate: FloatArray, wheels: FloatArray, nv: int) -> FloatArray:
         """The qvel (nsim, nv) of rates (nsim, 3 + n) and wheel speeds (nsim, 2); balls stand."""
         qvel = np.zeros((len(q_rate), nv))
-        qvel[:, self._free_qvel : self._free_qvel + 2] = q_rate[:, :2]
-        qvel[:, self._free_qvel + YAW_RATE] = q_rate[:, THETA1]
+        qvel[:, self.free_qvel : self.free_qvel + 2] = q_rate[:, :2]
+        qvel[:, self.free_qvel + YAW_RATE] = q_rate[:, THETA1]
         qvel[:, self._hitch_qvel] = np.diff(q_rate[:, THETA1:], axis=-1)
         qvel[:, self.wheel_qvel] = wheels
         return qvel
 
 
-def _run(places: list[int]) -> slice | list[int]:
+def as_slice(places: list[int]) -> slice | list[int]:
     """Successive places as a slice, which costs a fraction of what a list costs."""
     run = list(range(places[0], places[0] + len(places)))
     return slice(run[0], run[-1] + 1) if places == run else places

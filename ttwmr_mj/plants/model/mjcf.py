@@ -13,7 +13,7 @@ from ttwmr_mj.plants.model.engine import mujoco, warnings_kept
 from ttwmr_mj.plants.model.names import CASTERS, WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.model.relief import add_relief
 from ttwmr_mj.plants.model.runners import add_runner
-from ttwmr_mj.plants.model.scene_files import refuse_what_leads_away
+from ttwmr_mj.plants.model.scene.files import refuse_what_leads_away
 from ttwmr_mj.plants.model.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT
@@ -48,6 +48,9 @@ def build_spec(
         refuse_what_leads_away(options.model_path, "plant", "contact", "model_path")
     path = options.model_path or str(models_folder() / "scene.xml")
     spec = _read(path)
+    for key in spec.keys:
+        spec.delete(key)
+    spec.add_key(name="home")  # the only one: `qpos0`, at the origin and straight
     try:
         add_trailers(spec, path, robot, options.contact_time_constant_s)
         _set_inertia(spec, robot)
@@ -116,9 +119,6 @@ def build_model(
             f"the scene has {model.nu} actuators; allowed are the two of the wheels",
             got=repr(options.model_path),
         )
-    gimballed = any(hitch.gimballed for hitch in robot.hitches)
-    if robot.hitch.play_m > 0 or len(robot.trailers) > 1 or gimballed:
-        model.key_qpos[:] = model.qpos0  # keyframes know nothing of more joints
     return model
 
 
@@ -174,9 +174,6 @@ def _set_geometry(spec: mujoco.MjSpec, robot: RobotParameters) -> None:
     for name in casters(len(robot.trailers)):
         spec.geom(name).size = [balls.radius_m, 0.0, 0.0]
         spec.geom(name.replace("caster", "ball")).size = [balls.radius_m, 0.0, 0.0]
-    for key in spec.keys:
-        if len(key.qpos):  # of a train they are empty: `build_model` fills them in
-            key.qpos[2] = axle_height
 
 
 def _set_joints(spec: mujoco.MjSpec, robot: RobotParameters, options: ContactOptions) -> None:

@@ -35,7 +35,7 @@ def add_relief(spec: mujoco.MjSpec, ground: Ground) -> None:
         )
         _add(spec, name=TERRAIN, type=mujoco.mjtGeom.mjGEOM_HFIELD, hfieldname=TERRAIN,
              pos=[0.0, 0.0, low])  # fmt: skip
-        spec.geom("floor").pos[2] = low
+        spec.geom("floor").pos[2] += low
     for i, kerb in enumerate(ground.kerbs):
         half_angle = 0.5 * kerb.angle_rad
         _add(
@@ -66,12 +66,13 @@ def _heights(terrain: Terrain) -> FloatArray:
 
 
 def take_off(model: mujoco.MjModel) -> None:
-    """Leave only the floor, at height zero: nothing touches terrain and kerbs any more."""
+    """Leave only the floor, where it was: nothing touches terrain and kerbs any more."""
     for i in range(model.ngeom):
         name = model.geom(i).name
         if name == TERRAIN or name.startswith("kerb_"):
             model.geom_conaffinity[i] = 0
-    model.geom("floor").pos[2] = 0.0
+        if name == TERRAIN:
+            model.geom("floor").pos[2] -= model.geom_pos[i, 2]
 
 
 class Relief:

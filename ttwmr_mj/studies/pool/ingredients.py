@@ -16,7 +16,7 @@ from ttwmr_mj.assets import models_folder
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.files import resolved
-from ttwmr_mj.plants.model.scene_files import scene_files
+from ttwmr_mj.plants.model.scene.files import scene_files
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.runs.files.folder import library_version

@@ -136,7 +136,6 @@ def read_layout(model: mujoco.MjModel) -> LabelLayout:
         InputError: a label or the site P is missing.
     """
     data = mujoco.MjData(model)
-    mujoco.mj_resetDataKeyframe(model, data, 0)
     mujoco.mj_forward(model, data)
     try:
         trailers = Joints(model).trailers
@@ -150,7 +149,7 @@ def read_layout(model: mujoco.MjModel) -> LabelLayout:
             "plant.contact.model_path",
             f"the scene lacks a part of the labels: {error}",
             allowed="a scene with the site P and a site and a geom label_<name> for each of "
-            f"{', '.join(NAMES)}, at heading zero in keyframe 0",
+            f"{', '.join(NAMES)}, on the robot as it stands at the origin",
         ) from error
     paint = [int(geom.matid[0]) for geom in geoms[: len(NAMES)]]
     return LabelLayout(

@@ -48,9 +48,7 @@ def build_drawn_model(robot: RobotParameters, options: ContactOptions) -> mujoco
     light = [i for i, part in parts.items() if part.mass == 0.0]  # others make up their body
     for geoms in _alike(plain, light):
         _merge(spec, plain, geoms, parts)
-    model = spec.compile()
-    model.key_qpos[:] = plain.key_qpos
-    return model
+    return spec.compile()
 
 
 def _alike(model: mujoco.MjModel, parts: list[int]) -> list[list[int]]:

@@ -11,13 +11,13 @@ class Posture:
     """Moves between q and generalized positions of one robot; wheels and balls are left alone."""
 
     def __init__(self, model: mujoco.MjModel) -> None:
-        """Keyframe 0 gives height, tilt and wheels."""
+        """The model's own pose, `qpos0`, gives height, tilt and wheels."""
         self._model = model
         self._joints = Joints(model)
-        self._home = np.array(model.key_qpos[0])
+        self._home = np.array(model.qpos0)
 
     def positions(self, q: FloatArray) -> FloatArray:
-        """(..., nq) generalized positions at q (..., 3 + n), standing as in keyframe 0."""
+        """(..., nq) generalized positions at q (..., 3 + n), standing as in `qpos0`."""
         qpos = self._joints.standing(self._home, np.atleast_2d(q))
         return np.reshape(qpos, (*q.shape[:-1], -1))
 
