@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from ttwmr_mj.dynamics.floor.terrain import Kerb, Terrain
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.model.contact_options import ContactOptions
+from ttwmr_mj.plants.model.engine import warnings_kept
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState
@@ -141,3 +143,16 @@ def test_where_the_robot_would_not_stand_is_refused(floor: str, place: str, tmp_
     with pytest.raises(InputError, match=place) as refused:
         ContactPlant(ROBOT, scene(tmp_path, floor=floor))
     assert refused.value.faults[0].where == "plant.contact.model_path"
+
+
+def test_warnings_in_python_are_kept_like_those_in_c(tmp_path: Path) -> None:
+    own = scene(tmp_path, after='<compiler settotalmass="50"/>')
+    with warnings.catch_warnings(record=True) as printed:
+        warnings.simplefilter("always")
+        with pytest.raises(InputError, match="'settotalmass' is deprecated"):
+            build_model(ROBOT, own)
+    assert printed == []
+    with warnings_kept() as warned:
+        warnings.warn("of MuJoCo", UserWarning, stacklevel=1)
+        warnings.warn("of a file left open", ResourceWarning, stacklevel=1)
+    assert warned == ["of MuJoCo"]

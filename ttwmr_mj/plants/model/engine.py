@@ -7,6 +7,7 @@ directory.
 """
 
 import threading
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -23,12 +24,18 @@ _reading = threading.RLock()
 
 @contextmanager
 def warnings_kept() -> Iterator[list[str]]:
-    """What MuJoCo warns of meanwhile; else it prints that, and leaves a log where the user is."""
+    """What MuJoCo warns of meanwhile, in C or in Python; the list is complete after the block.
+
+    Else it prints that, and leaves a log where the user is.
+    """
     warned: list[str] = []
-    with _reading:
+    with _reading, warnings.catch_warnings(record=True) as in_python:
+        warnings.simplefilter("always", UserWarning)
         before = mujoco.get_mju_user_warning()
         mujoco.set_mju_user_warning(warned.append)
         try:
             yield warned
         finally:
             mujoco.set_mju_user_warning(before)
+            # others are of what Python tidies up meanwhile
+            warned += (str(w.message) for w in in_python if issubclass(w.category, UserWarning))
