@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import models_folder
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.floor.terrain import Kerb, Terrain
 from ttwmr_mj.errors import InputError
@@ -108,6 +109,89 @@ def test_the_camera_knows_the_robot_from_its_own_pose_not_from_a_keyframe(tmp_pa
     np.testing.assert_array_equal(layouts[0].height_m, layouts[1].height_m)
     q = np.array([0.1, 0.2, 0.3, 0.4])
     np.testing.assert_array_equal(Posture(own).positions(q), Posture(shipped).positions(q))
+
+
+IN_SCENE = {
+    '<compiler boundmass="0.5"/>': "body 'wheel_left': mass 0.5; allowed: 0.03; "
+    "robot.tractor.wheel_mass_kg sets it",
+    '<compiler boundinertia="0.01"/>': "body 'trailer': inertia 0.01 0.01 0.01; allowed: 0.00042",
+    '<option gravity="0 0 -1.62"/>': "option gravity 0 0 -1.62; allowed: 0 0 -9.81; it is",
+    '<option timestep="0.01"/>': "option timestep 0.01; allowed: 0.0005; plant.contact.timestep_s",
+    '<option integrator="Euler"/>': "option integrator euler; allowed: discrete; no key sets it",
+    '<option iterations="1"/>': "option iterations 1; allowed: 50",
+    '<option viscosity="5"/>': "option viscosity 5; allowed: 0",
+    '<option><flag gravity="disable"/></option>': 'flag gravity="disable"',
+    '<option><flag sleep="enable"/></option>': 'flag sleep="enable"',
+    '<option o_friction="1 1 1 1 1"/>': "option o_friction 1 1 1 1 1",
+    '<worldbody><geom name="ice" size="0.1" pos="3 0 0" priority="1"/></worldbody>': "geom 'ice': "
+    "priority 1; give it a priority below the robot's",
+    '<equality><weld body1="tractor"/></equality>': "unnamed equality of the robot; leave it out",
+    '<equality><joint name="lock" joint1="hitch"/></equality>': "equality 'lock' of the robot",
+    '<tendon><fixed name="t"><joint joint="hitch" coef="1"/></fixed></tendon>': "tendon 't' of",
+    '<contact><pair geom1="wheel_left" geom2="floor"/></contact>': "contact pair of the robot",
+    '<contact><exclude body1="tractor" body2="world"/></contact>': "contact exclude of the robot",
+    '<actuator><motor joint="hitch"/></actuator>': "3 actuators; allowed: the two of the wheels",
+}
+IN_ROBOT = [
+    ("<default>", '<default><joint damping="1"/>', "joint 'wheel_right': damping 1; allowed: 0"),
+    (HITCH, f'{HITCH} stiffness="0 1 1"', "joint 'hitch': stiffnesspoly 1 1"),
+    (HITCH, f'{HITCH} range="-0.1 0.1"', "joint 'hitch': range -0.1 0.1"),
+    (HITCH, f'{HITCH} ref="0.5"', "joint 'hitch': ref 0.5; allowed: 0"),
+    (HITCH, f'{HITCH} springref="0.5"', "joint 'hitch': springref 0.5"),
+    (HITCH, f'{HITCH} armature="0.1"', "joint 'hitch': armature 0.1"),
+    (HITCH, f'<joint name="pitch" axis="0 1 0"/>{HITCH}', "joint 'pitch' on the robot"),
+    (WHEEL, f'{WHEEL} frictionloss="1"', "joint 'wheel_right': frictionloss 1; allowed: 0"),
+    (TRAILER, '<body name="trailer" euler="0 0 0.5">', "body 'trailer': quat 0.968912 0 0 0.2474"),
+    (TRAILER, f'<body name="box"><geom size="0.02"/></body>{TRAILER}', "body 'box' on the robot"),
+    (TRAILER, f'{TRAILER}<geom name="bumper" size="0.02"/>', "geom 'bumper' on the robot"),
+    (RIGHT, RIGHT.replace("/>", ' gear="2"/>'), "actuator 'wheel_right': gear 2; allowed: 1"),
+    (RIGHT, RIGHT.replace('t="wheel_right', 't="wheel_left'), "joint wheel_left; allowed: wheel_r"),
+    ('026" condim="3"', '026" condim="1"', "geom 'wheel_right': condim 1; allowed: 3"),
+    ('<site name="P" ', '<site name="P" pos="0.05 0 0" ', "site 'P': pos 0.05; allowed: 0"),
+    ('<contact name="contact_wheel_left"', '<contact name="c"', "no sensor 'contact_wheel_left'"),
+]
+
+
+def refused(options: ContactOptions) -> list[str]:
+    with pytest.raises(InputError) as error:
+        build_model(ROBOT, options)
+    assert {fault.where for fault in error.value.faults} == {"plant.contact.model_path"}
+    return [fault.message for fault in error.value.faults]
+
+
+@pytest.mark.parametrize("added", IN_SCENE)
+def test_no_setting_of_a_scene_changes_the_robot_or_its_physics(added: str, tmp_path: Path) -> None:
+    told = refused(scene(tmp_path, after=added))
+    assert any(IN_SCENE[added] in message for message in told)
+
+
+@pytest.mark.parametrize(("part", "other", "expected"), IN_ROBOT)
+def test_an_edited_robot_is_refused(part: str, other: str, expected: str, tmp_path: Path) -> None:
+    told = refused(scene(tmp_path, robot={part: other}))
+    assert any(expected in message for message in told)
+
+
+def test_all_changes_are_told_at_once_and_by_validate_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    own = scene(
+        tmp_path,
+        after='<option iterations="1"><flag sleep="enable"/></option>',
+        robot={HITCH: f'{HITCH} armature="0.1"'},
+    )
+    given = ["--set", f"plant.contact.model_path={own.model_path}"]
+    for command in (["validate"], ["run", "--out", str(tmp_path / "out")]):
+        assert main([*command, "lab_circle", *given]) == 2
+        told = capsys.readouterr().err
+        for part in ("option iterations 1", 'flag sleep="enable"', "joint 'hitch': armature 0.1"):
+            assert f"plant.contact.model_path: got a scene with {part}" in told
+
+
+def test_a_scene_may_state_what_the_scenario_says(tmp_path: Path) -> None:
+    own = scene(tmp_path, after='<option timestep="0.001" gravity="0 0 -9.81" impratio="20"/>')
+    step = {"timestep_s": 0.001, "contact_time_constant_s": 0.002, "friction_impedance_ratio": 20.0}
+    model = build_model(ROBOT, own.model_copy(update=step))
+    assert model.opt.timestep == 0.001
 
 
 KERB = Kerb(x_m=1.0, y_m=0.0, length_m=0.2, width_m=0.2, height_m=0.002)

@@ -112,7 +112,7 @@ def test_what_is_no_data_is_refused(part: str, problem: str, folder: Path) -> No
             '<asset><hfield name="h" ncol="30000" nrow="30000" size="1 1 1 1"/></asset>',
             "a height field has 30000 × 30000 cells",
         ),
-        ('<actuator><motor joint="hitch"/></actuator>', "the scene has 3 actuators"),
+        ('<actuator><motor joint="hitch"/></actuator>', "a scene with 3 actuators"),
         ('<asset><mesh name="m" file="bad.stl"/></asset>', "this robot in this scene"),
     ],
 )

@@ -44,5 +44,6 @@ class ContactOptions(Config):
     model_path: Annotated[str, input_file(SCENE)] | None = Field(
         default=None,
         description="another scene file that includes models/ttwmr.xml, relative to the "
-        "scenario; recordings of analytic runs show it too",
+        "scenario: it may add to the laboratory, but change neither the robot nor how physics is "
+        "solved (howto/scenarios); recordings of analytic runs show it too",
     )

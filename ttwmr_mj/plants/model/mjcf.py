@@ -14,6 +14,7 @@ from ttwmr_mj.plants.model.names import CASTERS, WHEELS, casters, contacts, trai
 from ttwmr_mj.plants.model.relief import add_relief
 from ttwmr_mj.plants.model.runners import add_runner
 from ttwmr_mj.plants.model.scene.files import refuse_what_leads_away
+from ttwmr_mj.plants.model.scene.likeness import refuse_another_robot
 from ttwmr_mj.plants.model.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT
@@ -46,7 +47,7 @@ def build_spec(
     """
     if options.model_path:
         refuse_what_leads_away(options.model_path, "plant", "contact", "model_path")
-    path = options.model_path or str(models_folder() / "scene.xml")
+    path = options.model_path or _shipped()
     spec = _read(path)
     for key in spec.keys:
         spec.delete(key)
@@ -113,13 +114,16 @@ def build_model(
             key, what = "plant.contact.model_path", "this robot in this scene"
         got = repr(options.model_path) if options.model_path else ""
         raise InputError.at(key, f"MuJoCo rejects {what}: {error}", got=got) from error
-    if model.nu != len(WHEELS):
-        raise InputError.at(
-            "plant.contact.model_path",
-            f"the scene has {model.nu} actuators; allowed are the two of the wheels",
-            got=repr(options.model_path),
-        )
+    if options.model_path:
+        in_shipped = options.model_copy(update={"model_path": None})
+        shipped = build_model(robot, in_shipped, ground, torque_input=torque_input)
+        stated, by_default = _read(options.model_path), _read(_shipped())
+        refuse_another_robot(model, shipped, stated.option, by_default.option)
     return model
+
+
+def _shipped() -> str:
+    return str(models_folder() / "scene.xml")
 
 
 def _set_body(spec: mujoco.MjSpec, name: str, lump: Lump) -> None:
