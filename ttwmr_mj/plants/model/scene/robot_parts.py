@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from ttwmr_mj.errors import cut
 from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.plants.model.names import WHEELS
 
@@ -38,7 +39,7 @@ class Part(NamedTuple):
     name: str
 
     def __str__(self) -> str:
-        return f"{self.kind} '{self.name}'" if self.name else f"unnamed {self.kind}"
+        return f"{self.kind} '{cut(self.name)}'" if self.name else f"unnamed {self.kind}"
 
     def place(self, model: mujoco.MjModel) -> int:
         """Where it is among those of its kind; −1: the model has none of that name."""
