@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from unittest.mock import ANY
 
 import pytest
 from recordings import Recording
@@ -94,9 +95,28 @@ def test_a_run_without_its_result_is_no_success(tmp_path: Path) -> None:
 
 
 def test_what_a_process_that_dies_has_written_half_goes(tmp_path: Path) -> None:
-    law_in(tmp_path, "at_start", "open('out/x.parquet.part', 'w'); os.kill(os.getpid(), 9)")
-    done = ttwmr(tmp_path, "run", "--out", "out", changes=BARE)
+    half = "out/trajectory.parquet.12.0123abcd.part"
+    law_in(tmp_path, "at_start", f"open({half!r}, 'w'); os.kill(os.getpid(), 9)")
+    (tmp_path / "out.tar.part").touch()
+    (tmp_path / "out" / "mine").mkdir(parents=True)
+    (tmp_path / "out" / "mine" / "film.mkv.part").touch()
+    done = ttwmr(tmp_path, "run", "--out", "out", "--force", changes=BARE)
     assert done.returncode == 1
     assert "by SIGKILL before it was over" in done.stderr
     assert "nothing was recorded" in done.stderr
-    assert not list(tmp_path.rglob("*.part"))
+    left = {path.name for path in tmp_path.rglob("*.part")}
+    assert left == {"out.tar.part", "film.mkv.part"}
+
+
+def test_a_run_that_a_law_was_to_replace_is_there_again_where_it_ends_its_process(
+    tmp_path: Path,
+) -> None:
+    law_in(tmp_path, "at_start", "pass")
+    assert ttwmr(tmp_path, "run", "--out", "out", changes=BARE).returncode == 0
+    before = {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()}
+    before[".lock"] = ANY  # nobody holds it any more
+    law_in(tmp_path, "at_start", "os._exit(0)")
+    done = ttwmr(tmp_path, "run", "--out", "out", "--force", changes=BARE)
+    assert done.returncode == 1
+    assert "nothing was recorded" in done.stderr
+    assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before

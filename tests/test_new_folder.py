@@ -120,6 +120,17 @@ def test_a_recording_without_a_row_replaces_no_run(
     assert files(tmp_path) == before
 
 
+def test_what_a_killed_process_has_set_aside_is_not_lost(tmp_path: Path) -> None:
+    before = a_run(tmp_path)
+    for name in ("metrics.json", "trajectory.parquet", "figures/paths.png"):
+        (tmp_path / ".replaced" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).rename(tmp_path / ".replaced" / name)
+    (tmp_path / "manifest.json").touch()  # of the one that was killed
+    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path, force=True):
+        raise KeyboardInterrupt
+    assert files(tmp_path) == before | {"manifest.json": ""}
+
+
 def test_a_lock_ends_with_its_process_however_that_ends(tmp_path: Path) -> None:
     holder = subprocess.Popen([sys.executable, "-c", HOLD, tmp_path], stdout=subprocess.PIPE)
     assert holder.stdout is not None

@@ -106,6 +106,8 @@ DAMAGES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
         lambda c: c | {"tilt_rad": NAN * c["tilt_rad"]},
         "its column tilt_rad is nan",
     ),
+    "tilt beyond all bounds": (at("tilt_rad", 3, 1e300), r"its column tilt_rad is 1e\+300"),
+    "height beyond all bounds": (at("height_m", 3, 1e5), "its column height_m is 100000"),
     "wheels": (at("wheels_on_floor", 3, 5.0), "its column wheels_on_floor is 5"),
     "commands": (at("wheel_left_cmd_rad_s", 3, NAN), "its column wheel_left_cmd_rad_s is nan"),
     "a train": (
@@ -169,6 +171,7 @@ def test_a_scenario_of_another_run_is_refused(
         ("status", "foo"),
         ("status", ["ok"]),
         ("reason", None),
+        ("control_overruns", 1e-300),
     ],
 )
 def test_metrics_that_no_run_has_count_as_damaged(key: str, value: object, folder: Path) -> None:
@@ -185,11 +188,11 @@ def test_metrics_that_no_run_has_count_as_damaged(key: str, value: object, folde
 
 def test_rows_that_end_before_their_run_are_refused(folder: Path) -> None:
     file = folder / "metrics.json"
-    said = json.loads(file.read_text()) | {
-        "status": "failed",
-        "reason": "the law",
-        "end_time_s": 0.5,
-    }
+    said = json.loads(file.read_text())
+    file.write_text(json.dumps(said | {"end_time_s": 0.01}))
+    with pytest.raises(InputError, match=r"ends at 0\.99 s, though metrics\.json .* 0\.01 s"):
+        StoredRun.read(folder)
+    said |= {"status": "failed", "reason": "the law", "end_time_s": 0.5}
     file.write_text(json.dumps(said))
     StoredRun.read(folder)  # a run of several goes on when one of them has failed
     edit(folder, to_all(lambda _, v: v[:10]))
@@ -272,6 +275,20 @@ class Stopped(Pace):
 
     def hold(self, time_s: float) -> bool:
         return time_s < (self.rows - 0.5) * 0.033
+
+
+def test_simulations_that_fell_before_the_others_are_read(tmp_path: Path) -> None:
+    push = "{start_s=0.1,duration_s=0.2,force_n=[45.0,0.0],random_direction=true}"
+    scenario = tt.load_scenario("lab_circle", [*LEAN, "duration_s=2.0", f"plant.pushes=[{push}]"])
+    result = tt.simulate(scenario, nsim=3)
+    ends = {outcome.time_s for outcome in result.outcomes}
+    assert len(ends) > 1
+    assert max(ends) < 2.0
+    for i in range(3):
+        (tmp_path / str(i)).mkdir()
+        write_resolved(tmp_path / str(i), scenario, tmp_path)
+        result.trajectory.write(tmp_path / str(i) / "trajectory.parquet", simulation=i)
+        assert len(StoredRun.read(tmp_path / str(i)).rows) == len(result.trajectory)
 
 
 @pytest.mark.parametrize("count", [1, 2, 20])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import json
+import math
 import tracemalloc
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
 from ttwmr_mj.studies.sweep.plan.plan import Plan
+from ttwmr_mj.studies.sweep.plan.stored import plain, restored
 
 HEAD = 'name = "mine"\nscenario = "lab_circle"\n'
 SAMPLED = """
@@ -174,6 +176,21 @@ def test_belief_holds_values_and_parameters(tmp_path: Path) -> None:
     assert scenario.believed_robot.trailer.mass_kg == 0.5
     assert scenario.believed_robot.hitch.coulomb_friction_n_m == 1e-3
     assert scenario.robot.trailer.mass_kg == 0.33
+
+
+def test_a_plan_holds_what_json_lacks(tmp_path: Path) -> None:
+    """Options of a law of one's own are any that TOML has."""
+    law = '[controller]\nkind = "custom"\ntarget = "mine:Law"\n[controller.options]\n'
+    options = "limit = inf\nsince = [2024-05-06, 07:08:09]\nat = { time = 2024-05-06T07:08:09Z }\n"
+    reference = '[reference]\nkind = "circle"\nradius_m = 0.4\nangular_rate_rad_s = 0.1\n'
+    head = 'name = "law"\nduration_s = 0.3\n[initial]\nkind = "at_rest"\n'
+    (tmp_path / "law.toml").write_text(head + reference + law + options)
+    (tmp_path / "mine.py").write_text("import ttwmr_mj as tt\n\nclass Law(tt.Controller): ...\n")
+    varied = '[parameters]\n"reference.radius_m" = { values = [0.3, 0.4] }\n'
+    plan = plan_of(tmp_path, f'name = "mine"\nscenario = "law.toml"\n{varied}')
+    stored = Plan.from_json(json.loads(json.dumps(plan.to_json(), allow_nan=False)))
+    assert stored == plan
+    assert math.isnan(restored(json.loads(json.dumps(plain({"a": [math.nan]}))))["a"][0])
 
 
 def test_paths_need_no_quotes(tmp_path: Path) -> None:

@@ -230,6 +230,24 @@ def test_no_boards_no_calibration(tmp_path: Path) -> None:
         calibrate_from_images(album(tmp_path, held=(480, 640), origin=(480, 640)))
 
 
+def test_what_else_opencv_has_written_beside_a_calibration_does_no_harm(tmp_path: Path) -> None:
+    save_calibration(lab_calibration(), tmp_path / "lab.yaml")
+    source = cv2.FileStorage(str(tmp_path / "lab.yaml"), cv2.FILE_STORAGE_READ)
+    target = cv2.FileStorage(str(tmp_path / "more.yaml"), cv2.FILE_STORAGE_WRITE)
+    for key in source.root().keys():  # noqa: SIM118  # it is no dictionary
+        node = source.getNode(key)
+        target.write(key, node.mat() if node.isMap() else node.real())
+    target.write("rvecs", np.zeros((12, 3)))
+    target.write("points", np.zeros((2, 150), np.float32))
+    target.release()
+    found = load_calibration(tmp_path / "more.yaml").camera
+    assert found.focal_px == pytest.approx(lab_calibration().camera.focal_px, rel=1e-12)
+    text = (tmp_path / "more.yaml").read_text()
+    (tmp_path / "more.yaml").write_text(text.replace("rows: 12", "rows: 13"))
+    with pytest.raises(InputError, match="a matrix that does not have as many numbers as it says"):
+        load_calibration(tmp_path / "more.yaml")
+
+
 def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"needs pictures in .*held \(got 0\)"):
         calibrate_from_images(tmp_path)

@@ -160,15 +160,15 @@ def written(path: Path) -> Iterator[Path]:
 def delete_drafts(places: Iterable[Path]) -> None:
     """Delete what a process that was killed wrote half: of these files, or in these folders."""
     for place in places:
-        inside = place.rglob(f"*{DRAFT}") if place.is_dir() else ()
+        inside = place.rglob(drafts("*")) if place.is_dir() else ()
         for draft in (*inside, *place.parent.glob(drafts(glob.escape(place.name)))):
             with suppress(OSError):
                 draft.unlink(missing_ok=True)
 
 
 def drafts(name: str) -> str:
-    """The pattern of names under which files of a name, or of a pattern, are written."""
-    return f"{name}.*{DRAFT}"
+    """The pattern of names under which `written` writes files of a name, or of a pattern."""
+    return f"{name}.[0-9]*.{'[0-9a-f]' * 8}{DRAFT}"
 
 
 @contextmanager

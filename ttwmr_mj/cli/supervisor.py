@@ -89,6 +89,7 @@ def _become_the_child(parent: int, telling: int) -> None:
     """A group of its own, to be ended as one, and with its parent; its exit code goes there."""
     telling = _far(telling)
     os.setpgid(0, 0)
+    signal.signal(signal.SIGTTOU, signal.SIG_IGN)  # `stty tostop` stops who prints in such a group
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:

@@ -45,9 +45,9 @@ class Watch:
     board: Any
     result: Path | None = None
     _call: float = -1.0
-    _began_s: float = field(default_factory=monotonic)
     _began_cpu_s: float = 0.0
     # looks, and no times: while this process is stopped, none goes by
+    _waited: int = 0
     _idle: int = 0
     _since_signal: int = 0
     _call_seen: float = 0.0
@@ -94,10 +94,11 @@ class Watch:
 
         limit_s, call = self.board[0], self.board[1]
         if not limit_s or call != self._call:
-            self._call, self._began_s, self._began_cpu_s = call, monotonic(), _cpu_s(self.child)
+            self._call, self._waited, self._began_cpu_s = call, 0, _cpu_s(self.child)
             return ""
-        waited, computed = monotonic() - self._began_s, _cpu_s(self.child) - self._began_cpu_s
-        if waited <= PATIENCE * limit_s + GRACE_S and computed <= limit_s + GRACE_S:
+        self._waited += 1
+        waited_s, computed = self._waited * LOOK_EVERY_S, _cpu_s(self.child) - self._began_cpu_s
+        if waited_s <= PATIENCE * limit_s + GRACE_S and computed <= limit_s + GRACE_S:
             return ""
         return (
             f"the law did not answer within {limit_s:g} s and could not be broken off, so that its "
@@ -152,12 +153,11 @@ class Watch:
         """What there is of the run, in words, without what was half written."""
         if self.result is None:
             return ""
-        from ttwmr_mj.files import delete_drafts
-        from ttwmr_mj.runs.files.new_folder import kept
+        from ttwmr_mj.runs.files.new_folder import kept, settle_the_dead
 
-        folder = self.result.parent
-        delete_drafts([folder])
-        return f"; {kept(folder)}"
+        folder, told = self.result.parent, kept(self.result.parent)
+        settle_the_dead(folder)
+        return f"; {told}"
 
     def _end(self, leave_s: float) -> int:
         """See to it that the child and its group are over; its wait status."""

@@ -44,10 +44,12 @@ def _faults(said: dict[str, Any]) -> Iterator[Fault]:
         got = shown(said.get("end_time_s"))
         yield Fault(key=("end_time_s",), got=got, allowed="a number, 0 or more")
     for name in MEASURED:
-        if said.get(name) is not None and not _is_amount(said[name]):
-            allowed = "a number, 0 or more, or null"
+        whole = name == "control_overruns"
+        if said.get(name) is not None and not _is_amount(said[name], whole=whole):
+            allowed = f"a {'whole ' * whole}number, 0 or more, or null"
             yield Fault(key=(name,), got=shown(said[name]), allowed=allowed)
 
 
-def _is_amount(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and value >= 0
+def _is_amount(value: object, *, whole: bool = False) -> bool:
+    kinds = int if whole else int | float
+    return isinstance(value, kinds) and not isinstance(value, bool) and value >= 0

@@ -25,6 +25,7 @@ from ttwmr_mj.state import FloatArray
 # and no motion that differs by less is judged otherwise
 SAME = 1e-6
 MOST_WHEELS = 2
+LARGEST = 1e9  # rad/s and the like; a law's answer may be as large
 TOGETHER = (FOOTING, ("labels_found",))  # NaN in all rows where nothing tells them
 HINT = "the file is damaged, or of another run; run the scenario again"
 
@@ -66,7 +67,12 @@ class StoredRun:
     @property
     def _end_s(self) -> float:
         """When it ended, as far as is known."""
-        return float(self.metrics["end_time_s"] if self.metrics else self.rows.time_s[-1])
+        if self.metrics:
+            return float(self.metrics["end_time_s"])
+        # where others of its batch went on, its rows hold no estimates from its end on
+        told = np.flatnonzero(np.isfinite(self.rows.est_q).all(axis=(1, 2)))
+        last = int(told[-1]) if told.size else -1
+        return float(self.rows.time_s[min(last + 1, len(self.rows) - 1)])
 
     def _problems(self) -> Iterator[str]:
         """Why the rows cannot be of the scenario; each holds only where those before do not."""
@@ -94,7 +100,8 @@ class StoredRun:
         stopped = (count, whole, self._end_s) == (1, 2, 0.0)
         if self.metrics["status"] == "ok" and count < whole and not stopped:
             yield f"has {count} of {whole} rows, though metrics.json says that the run was finished"
-        if time_s[-1] < self._end_s - 0.5 * period_s:
+        beyond_s = self._end_s - time_s[-1]
+        if beyond_s > 0.5 * period_s or (self.metrics["status"] == "ok" and -beyond_s > period_s):
             last = f"ends at {time_s[-1]:g} s"
             yield f"{last}, though metrics.json says that the run went on until {self._end_s:g} s"
 
@@ -135,7 +142,9 @@ def _most(name: str, width: int) -> float:
         return ESCAPE
     if name == "measurement_age_s":  # infinite until there is a first measurement
         return np.inf
-    return MOST_WHEELS if name == "wheels_on_floor" else np.finfo(float).max
+    if name == "height_m":
+        return ESCAPE
+    return MOST_WHEELS if name == "wheels_on_floor" else LARGEST
 
 
 def _equal(one: FloatArray, other: FloatArray) -> Any:

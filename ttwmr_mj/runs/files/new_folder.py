@@ -111,18 +111,44 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
         hint = "give another one, or --force to replace the run in it"
         raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
     aside = folder / ASIDE
-    _delete(aside)  # of a process that was killed
+    if not _is_over(folder) and not _is_recorded(
+        folder
+    ):  # and another that was killed set aside what was before it
+        _move(aside, folder)
+    _delete(aside)
     _move(folder, aside)
     try:
         yield
     except BaseException as error:
-        over = (folder / "metrics.json").is_file()  # what is wrong now is not the run
-        if not over and (is_of_input(error) or not _is_recorded(folder)):
-            _delete(folder)
-            _move(aside, folder)
+        _settle(folder, to_nothing=is_of_input(error))
         raise
-    finally:
-        _delete(aside)
+    _delete(aside)
+
+
+def settle_the_dead(folder: Path) -> None:
+    """A process ended without a word while it filled a folder: what it wrote half goes.
+
+    A run that it was to replace is there again, if nothing else was recorded.
+    """
+    for ours in OURS:
+        for draft in folder.glob(drafts(ours)):
+            with suppress(OSError):
+                draft.unlink()
+    _settle(folder)
+
+
+def _settle(folder: Path, *, to_nothing: bool = False) -> None:
+    """Put what was set aside back where nothing, or nothing of use, came in its place."""
+    aside = folder / ASIDE
+    if not _is_over(folder) and (to_nothing or not _is_recorded(folder)):
+        _delete(folder)
+        _move(aside, folder)
+    _delete(aside)
+
+
+def _is_over(folder: Path) -> bool:
+    """Whether there is a run that came to its end: what is wrong now is not the run."""
+    return (folder / "metrics.json").is_file()
 
 
 def _files(folder: Path) -> list[Path]:

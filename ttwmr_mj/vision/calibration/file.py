@@ -27,7 +27,7 @@ CONTENT: dict[str, tuple[tuple[int, ...], Callable[[Calibration], Any]]] = {
     "views": ((), lambda saved: saved.views),
 }
 MATRIX = re.compile(
-    r"!!opencv-matrix\s+rows: ([1-9])\s+cols: ([1-9])\s+dt: d\s+data: \[([-+.,\w\s]*)\]"
+    r"!!opencv-matrix\s+rows: (\d{1,3})\s+cols: (\d{1,3})\s+dt: [df]\s+data: \[([-+.,\w\s]*)\]"
 )
 MOST_LETTERS = 10_000
 MOST_FOCAL_PX = 1e6
@@ -72,7 +72,8 @@ def load_calibration(path: Path) -> Calibration:
         return _read(storage, path)
     # OpenCV's binding raises the one or the other
     except (OSError, ValueError, cv2.error, SystemError) as error:
-        unreadable = Fault(problem="cannot be read as OpenCV YAML", hint=FIX)
+        why = f": {error}" if type(error) is ValueError else ""  # in words of ours
+        unreadable = Fault(problem=f"cannot be read as OpenCV YAML{why}", hint=FIX)
         raise InputError(unreadable, file=str(path)) from error
 
 

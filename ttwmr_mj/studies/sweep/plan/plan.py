@@ -25,7 +25,7 @@ from ttwmr_mj.studies.sweep.plan.axes import Axis, Table
 from ttwmr_mj.studies.sweep.plan.file import Sampling
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
-from ttwmr_mj.studies.sweep.plan.stored import FORMAT, StoredPlan
+from ttwmr_mj.studies.sweep.plan.stored import FORMAT, StoredPlan, plain, restored
 
 SHIPPED = ""  # in place of the folder of the shipped scenarios, which is elsewhere elsewhere
 
@@ -198,7 +198,7 @@ class Plan:
     def identity(self) -> Table:
         """All that decides about results, as plain data."""
         return {
-            "base": self.base,
+            "base": plain(self.base),
             "overrides": list(self.overrides),
             "seeds": list(self.seeds),
             "sampling": self.sampling,
@@ -269,7 +269,7 @@ class Plan:
             name=stored.name,
             description=stored.description,
             scenario=stored.scenario,
-            base=stored.base,
+            base=restored(stored.base),
             folder=stored.folder,
             overrides=tuple(stored.overrides),
             seeds=tuple(stored.seeds),

@@ -2,20 +2,50 @@
 
 from __future__ import annotations
 
+import datetime
+import math
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from ttwmr_mj.config import NAME
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import parse_toml
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.scenario.faults import faults_of
-from ttwmr_mj.studies.sweep.plan.axes import Axis, Table
+from ttwmr_mj.studies.sweep.plan.axes import Axis, Table, as_toml
 from ttwmr_mj.studies.sweep.plan.file import Name, Sampling, Seed
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, parameter_of
 
 FORMAT = 1  # of plan.json
+AS_TOML = "=toml"  # a key that TOML has in quotes only: the table stands for what JSON lacks
 LONGEST_S = 86_400  # as in the sweep's file
+
+
+def plain(value: Any) -> Any:
+    """A value of a TOML file as JSON can hold it: inf, NaN, dates and times as TOML writes them."""
+    match value:
+        case dict():
+            return {key: plain(item) for key, item in value.items()}
+        case list():
+            return [plain(item) for item in value]
+        case datetime.date() | datetime.time():
+            return {AS_TOML: as_toml(value)}
+        case float() if not math.isfinite(value):
+            return {AS_TOML: as_toml(value)}
+    return value
+
+
+def restored(value: Any) -> Any:
+    """What `plain` was given."""
+    match value:
+        case {**table} if table.keys() == {AS_TOML} and isinstance(table[AS_TOML], str):
+            return parse_toml(f"value = {table[AS_TOML]}")["value"]
+        case dict():
+            return {key: restored(item) for key, item in value.items()}
+        case list():
+            return [restored(item) for item in value]
+    return value
 
 
 def _metric(name: str) -> str:
