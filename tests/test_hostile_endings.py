@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import fcntl
 import json
+import os
+import subprocess
+import termios
 from pathlib import Path
 from unittest.mock import ANY
 
 import pytest
 from recordings import Recording
-from test_hostile_processes import BARE, FAST, law_in, ttwmr
+from test_hostile_processes import BARE, FAST, TTWMR, law_in, ttwmr
 
 from ttwmr_mj.results.trajectory import Trajectory
 
@@ -120,3 +124,28 @@ def test_a_run_that_a_law_was_to_replace_is_there_again_where_it_ends_its_proces
     assert done.returncode == 1
     assert "nothing was recorded" in done.stderr
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
+
+
+def test_a_terminal_that_stops_who_prints_in_its_background_stops_no_run(tmp_path: Path) -> None:
+    """`stty tostop`: the law's process is no group of the terminal's foreground."""
+    law_in(tmp_path, "at_start", "pass")
+    ours, theirs = os.openpty()
+    words = termios.tcgetattr(theirs)
+    words[3] |= termios.TOSTOP
+    termios.tcsetattr(theirs, termios.TCSANOW, words)
+    line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
+    with subprocess.Popen(
+        line,
+        cwd=tmp_path,
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        start_new_session=True,
+        preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # one thread
+    ) as run:
+        os.close(theirs)
+        try:
+            assert run.wait(timeout=60) == 0  # it was ended after 90 s, with exit code 1
+        finally:
+            run.kill()
+            os.close(ours)
