@@ -7,6 +7,8 @@ import signal
 import sys
 import threading
 import time
+import weakref
+from abc import ABCMeta
 from collections.abc import Callable, Iterator
 from importlib import import_module
 from pathlib import Path
@@ -127,6 +129,7 @@ def test_an_import_is_not_broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyP
         work_until_stopped()
     assert sys.modules.pop("interrupted").done
     (tmp_path / "interrupted.py").write_text("import signal\nsignal.raise_signal(2)\nwhile True: 1")
+    monkeypatch.setattr(signals, "LONGEST_WAIT_S", 0.2)
     with pytest.raises(KeyboardInterrupt):  # an import that never ends
         work_until_stopped()
 
@@ -134,6 +137,53 @@ def test_an_import_is_not_broken_off(tmp_path: Path, monkeypatch: pytest.MonkeyP
 def work_until_stopped() -> None:
     import_module("interrupted")
     time.sleep(60.0)
+
+
+class Silent:
+    """What weak references can be to."""
+
+
+class Rings:
+    def __del__(self) -> None:
+        signal.raise_signal(signal.SIGTERM)
+
+
+def ring(_: object = None) -> bool:
+    signal.raise_signal(signal.SIGTERM)
+    return True
+
+
+def ring_in_a_weak_references_callback() -> None:
+    held = Silent()
+    reference = weakref.ref(held, ring)
+    del held
+    assert reference() is None
+
+
+def ring_as_an_abstract_class_is_asked() -> None:
+    """As pydantic asks, in C code, whether something is a mapping."""
+    asked = classmethod(lambda *_: ring())
+    assert isinstance(Silent(), ABCMeta("Kind", (), {"__subclasshook__": asked}))
+
+
+@pytest.mark.parametrize(
+    "lose", [Rings, ring_in_a_weak_references_callback, ring_as_an_abstract_class_is_asked]
+)
+def test_a_signal_is_not_lost_where_nobody_hears_its_exception(
+    lose: Callable[[], object], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Python prints what a callback of C code raises, and goes on."""
+    gone_on = []
+
+    def work() -> None:
+        lose()
+        gone_on.append(True)
+        time.sleep(5.0)
+
+    with signals.noted(), pytest.raises(KeyboardInterrupt):
+        work()
+    assert gone_on
+    assert not capsys.readouterr().err
 
 
 def test_what_is_ignored_stays_ignored() -> None:
@@ -153,11 +203,12 @@ def test_what_is_ignored_stays_ignored() -> None:
 
 
 def test_the_command_line_gives_signals_back() -> None:
-    before = signal.getsignal(signal.SIGTERM)
+    before, hook = signal.getsignal(signal.SIGTERM), sys.unraisablehook
     assert main(["list"]) == 0
     assert signal.getsignal(signal.SIGTERM) is before
     assert main(["validate", "nowhere.toml"]) == 2
     assert signal.getsignal(signal.SIGTERM) is before
+    assert sys.unraisablehook is hook
 
 
 def test_it_works_in_a_thread_which_gets_no_signals(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -16,27 +17,65 @@ NAMES = ("SIGINT", "SIGQUIT", "SIGTERM", "SIGHUP", "SIGXCPU", "SIGUSR1", "SIGUSR
 WAITING = tuple(signal.Signals[name] for name in NAMES if hasattr(signal, name))
 Handler = Callable[[int, FrameType | None], Any]
 AGAIN_S = 0.02
-LONGEST_IMPORT_S = 2.0  # that is waited for; a law's module may never end
+LONGEST_WAIT_S = 15.0  # for the end of an import; a law's module may never end
+# libraries tell an import that is broken off as an error of theirs, and pydantic drops what is
+# raised as it asks for an instance of an abstract class
+UNBROKEN = ("<frozen importlib", "<frozen abc")
 
-_put_off_s: float | None = None  # when the signal came that waits for an import
+_put_off_s: float | None = None  # when the signal came that waits
+
+
+class _Interrupted(KeyboardInterrupt):
+    signum = 0
 
 
 def interrupt(signum: int, frame: FrameType | None) -> None:
-    """A handler that raises KeyboardInterrupt, but in no import: there it comes again afterwards.
+    """A handler that raises KeyboardInterrupt, but not where others would drop or rename it.
 
-    Libraries tell an import that is broken off as an error of theirs, or swallow it.
+    There the signal comes again until it is over.
     """
     global _put_off_s
     _lift_limit_of(signum)
     now_s = monotonic()
-    if _in_import(frame) and now_s - (_put_off_s or now_s) < LONGEST_IMPORT_S:
+    if _is_unbroken(frame) and now_s - (_put_off_s or now_s) < LONGEST_WAIT_S:
         _put_off_s = _put_off_s or now_s
-        again = threading.Timer(AGAIN_S, signal.pthread_kill, (threading.get_ident(), signum))
-        again.daemon = True
-        again.start()
+        _send_again(signum)
         return
     _put_off_s = None
-    raise KeyboardInterrupt
+    raised = _Interrupted()
+    raised.signum = signum
+    raise raised
+
+
+def _send_again(signum: int) -> None:
+    again = threading.Timer(AGAIN_S, signal.pthread_kill, (threading.get_ident(), signum))
+    again.daemon = True
+    again.start()
+
+
+def _is_unbroken(frame: FrameType | None) -> bool:
+    while frame is not None:
+        code = frame.f_code
+        if code is _send_again.__code__ or code.co_filename.startswith(UNBROKEN):
+            return True
+        frame = frame.f_back
+    return False
+
+
+class _Hook:
+    """A `sys.unraisablehook`: a signal comes again whose exception had nobody to go to.
+
+    Such are those in `__del__`, in callbacks of weak references and in hooks of `os.fork`.
+    """
+
+    def __init__(self, before: Callable[[Any], Any]) -> None:
+        self.before = before
+
+    def __call__(self, unraisable: Any, /) -> None:
+        if isinstance(unraisable.exc_value, _Interrupted):
+            _send_again(unraisable.exc_value.signum)
+        else:
+            self.before(unraisable)
 
 
 def _lift_limit_of(signum: int) -> None:
@@ -58,21 +97,18 @@ def handled_by(handler: Handler) -> dict[int, Any]:
         What handled them before, for `give_back`.
     """
     heard = [n for n in WAITING if signal.getsignal(n) is not signal.SIG_IGN]
+    sys.unraisablehook = _Hook(sys.unraisablehook)
     return {signum: signal.signal(signum, handler) for signum in heard}
 
 
 def give_back(before: dict[int, Any]) -> None:
     """Let signals be handled as they were."""
+    global _put_off_s
+    _put_off_s = None
     for signum, handler in before.items():
         signal.signal(signum, signal.SIG_DFL if handler is None else handler)
-
-
-def _in_import(frame: FrameType | None) -> bool:
-    while frame is not None:
-        if frame.f_code.co_filename.startswith("<frozen importlib"):
-            return True
-        frame = frame.f_back
-    return False
+    if isinstance(sys.unraisablehook, _Hook):
+        sys.unraisablehook = sys.unraisablehook.before
 
 
 @contextmanager
@@ -109,10 +145,9 @@ def held_back() -> Iterator[None]:
     came: list[int] = []
 
     def note(signum: int, frame: FrameType | None) -> None:
-        del frame
-        _lift_limit_of(signum)
         if came:
-            raise KeyboardInterrupt
+            interrupt(signum, frame)
+        _lift_limit_of(signum)
         came.append(signum)
 
     before = handled_by(note)
