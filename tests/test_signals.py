@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import signal
+import subprocess
 import sys
 import threading
 import time
@@ -209,6 +210,37 @@ def test_the_command_line_gives_signals_back() -> None:
     assert main(["validate", "nowhere.toml"]) == 2
     assert signal.getsignal(signal.SIGTERM) is before
     assert sys.unraisablehook is hook
+
+
+FORKS = """
+import multiprocessing, os, signal, sys, time
+from ttwmr_mj.runs.process import signals
+
+usual = [signal.getsignal(signum) for signum in signals.WAITING]
+with signals.noted(), signals.held_back():
+    worker = multiprocessing.get_context("fork").Process(target=time.sleep, args=(5,))
+    worker.start()
+    time.sleep(0.2)
+    worker.terminate()
+    worker.join()
+    print(worker.exitcode)
+    for fork in (os.fork, signals.fork, os.fork):
+        if (child := fork()) == 0:
+            os._exit([signal.getsignal(signum) for signum in signals.WAITING] == usual)
+        print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # by a law, whose children know that
+    if (child := os.fork()) == 0:
+        os._exit(signal.getsignal(signal.SIGTERM) is signal.SIG_IGN)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+def test_children_that_a_law_forks_have_signals_as_they_were() -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", FORKS], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert not done.stderr
+    assert done.stdout.split() == [str(-signal.SIGTERM), *"1011"]
 
 
 def test_it_works_in_a_thread_which_gets_no_signals(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 from ttwmr_mj.cli import last_resort
 from ttwmr_mj.cli.last_resort import FAILED
 from ttwmr_mj.cli.watch import Watch
+from ttwmr_mj.runs.process import signals
 
 if TYPE_CHECKING:
     from ttwmr_mj.scenario.schema import Scenario
@@ -70,7 +71,7 @@ def supervise(scenario: Scenario, result: Path | None = None) -> None:
     sys.stderr.flush()
     board = mmap.mmap(-1, mmap.PAGESIZE)  # shared with the child
     told, telling = os.pipe()
-    parent, child = os.getpid(), os.fork()
+    parent, child = os.getpid(), signals.fork()
     if child == 0:
         os.close(told)
         _keep_streams()

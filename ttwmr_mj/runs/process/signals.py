@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -23,6 +24,8 @@ LONGEST_WAIT_S = 15.0  # for the end of an import; a law's module may never end
 UNBROKEN = ("<frozen importlib", "<frozen abc")
 
 _put_off_s: float | None = None  # when the signal came that waits
+_taken: list[tuple[Handler, dict[int, Any]]] = []  # handlers of ours, with what was there before
+_child_is_ours = False
 
 
 class _Interrupted(KeyboardInterrupt):
@@ -98,17 +101,43 @@ def handled_by(handler: Handler) -> dict[int, Any]:
     """
     heard = [n for n in WAITING if signal.getsignal(n) is not signal.SIG_IGN]
     sys.unraisablehook = _Hook(sys.unraisablehook)
-    return {signum: signal.signal(signum, handler) for signum in heard}
+    before: dict[int, Any] = {signum: signal.signal(signum, handler) for signum in heard}
+    _taken.append((handler, before))
+    return before
 
 
 def give_back(before: dict[int, Any]) -> None:
     """Let signals be handled as they were."""
     global _put_off_s
     _put_off_s = None
+    _taken[:] = [taken for taken in _taken if taken[1] is not before]
     for signum, handler in before.items():
         signal.signal(signum, signal.SIG_DFL if handler is None else handler)
     if isinstance(sys.unraisablehook, _Hook):
         sys.unraisablehook = sys.unraisablehook.before
+
+
+def fork() -> int:
+    """`os.fork` for a child that handles signals as this process does."""
+    global _child_is_ours
+    _child_is_ours = True
+    try:
+        return os.fork()
+    finally:
+        _child_is_ours = False
+
+
+def _give_back_in_child() -> None:
+    """A law's children know nothing of our handlers; one that they replaced stays."""
+    if _child_is_ours:
+        return
+    for ours, before in reversed(_taken):
+        give_back({n: old for n, old in before.items() if signal.getsignal(n) == ours})
+    _taken.clear()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_give_back_in_child)
 
 
 @contextmanager
