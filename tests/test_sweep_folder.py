@@ -264,8 +264,11 @@ def test_a_chunk_that_breaks_is_halved_until_one_row_is_to_blame(
 
 
 def test_an_exception_of_the_code_stops_the_sweep_and_is_no_result() -> None:
-    with pytest.raises(RunError, match="rows 2 to 4 could not be computed:\nTraceback"):
+    told = "rows 2 to 4 could not be computed: ZeroDivisionError; a law"
+    with pytest.raises(RunError, match=told) as caught:
         computed(np.array([2, 3, 4]), Unexpected("Traceback\nZeroDivisionError"))
+    assert "\n" not in str(caught.value)
+    assert caught.value.__notes__ == ["Traceback\nZeroDivisionError"]  # which --debug shows
 
 
 def test_parts_and_their_names() -> None:

@@ -99,7 +99,11 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
         RunError: the code broke, not a run.
     """
     if isinstance(result, Unexpected):
-        raise RunError(f"rows {rows[0]} to {rows[-1]} could not be computed:\n{result.traceback}")
+        why = result.traceback.splitlines()[-1]
+        where = "a law of your own that ran there may have caused it; --debug shows where"
+        error = RunError(f"rows {rows[0]} to {rows[-1]} could not be computed: {why}; {where}")
+        error.add_note(result.traceback)
+        raise error
     return Computed(rows, result)
 
 
