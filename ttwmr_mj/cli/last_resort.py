@@ -156,9 +156,13 @@ def close_streams(code: int) -> int:
 
 
 def leave_threads(code: int) -> None:
-    """End the process here where threads of somebody else's code would keep it alive."""
+    """End the process here where threads of somebody else's code would keep it alive.
+
+    Not where another process has heard the code: that one ends those that go on for long, and a
+    pool of threads ends with the interpreter, which also writes what its files still hold.
+    """
     others = (one for one in threading.enumerate() if one is not threading.main_thread())
-    if stranger_in_process() and any(not one.daemon for one in others):
+    if at_close is _tell_nobody and stranger_in_process() and any(not one.daemon for one in others):
         sys.stderr.flush()
         os._exit(code)
 
