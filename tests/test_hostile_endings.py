@@ -40,11 +40,11 @@ def test_the_end_of_a_law_is_not_waited_for(code: str, tmp_path: Path) -> None:
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("pool", ["", "P(1).submit(print)"])
+@pytest.mark.parametrize("pool", ["", "self.pool = P(1); self.pool.submit(print); "])
 def test_what_a_law_has_not_written_yet_is_written(pool: str, tmp_path: Path) -> None:
-    more = "from concurrent.futures import ThreadPoolExecutor as P; self.pool = "
     log = "self.log = open('log.txt', 'w'); self.log.write('started')"
-    law_in(tmp_path, "at_start", f"{more}{pool or None}; {log}")
+    pools = "from concurrent.futures import ThreadPoolExecutor as P; "
+    law_in(tmp_path, "at_start", f"{pools}{pool}{log}")
     assert ttwmr(tmp_path, "run", "--out", "out", changes=BARE).returncode == 0
     assert (tmp_path / "log.txt").read_text() == "started"
 
