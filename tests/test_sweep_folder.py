@@ -110,7 +110,7 @@ def test_only_what_is_missing_is_computed(plan: Plan, tmp_path: Path) -> None:
     folder = tmp_path / "cut"
     write_plan(folder, plan)
     fill(plan, folder, told, part=Part(2, 3), chunk=2)
-    remains = shards_folder(folder, plan) / "000000000-000000003-4.parquet.77.abcd.part"
+    remains = shards_folder(folder, plan) / "000000000-000000003-4.parquet.77.0123abcd.part"
     remains.write_bytes(b"half of it")
     heard: list[tuple[int, int]] = []
     assert fill(plan, folder, noting, chunk=3, told=lambda *n: heard.append(n))
