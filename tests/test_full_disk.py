@@ -164,8 +164,8 @@ def test_a_comparison_has_no_recording_that_is_cut_off_unsaid(tmp_path: Path) ->
 
 @pytest.mark.slow
 def test_a_calibration_stays_as_it_was(tmp_path: Path) -> None:
-    line = "echo good > calibration.yaml; " + FILLED + "ttwmr calibrate; cat calibration.yaml >&2"
-    ended = on_small_disk(tmp_path, "8k", line)
+    again = "ttwmr calibrate --force; cat calibration.yaml >&2"
+    ended = on_small_disk(tmp_path, "8k", f"echo good > calibration.yaml; {FILLED}{again}")
     assert "No space left on device" in ended.err
     assert ended.err.endswith("good\n")
     assert "written to" not in ended.err
