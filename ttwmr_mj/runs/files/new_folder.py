@@ -111,10 +111,8 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
         hint = "give another one, or --force to replace the run in it"
         raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
     aside = folder / ASIDE
-    if not _is_over(folder) and not _is_recorded(
-        folder
-    ):  # and another that was killed set aside what was before it
-        _move(aside, folder)
+    if not (_is_over(folder) or _is_recorded(folder)):
+        _move(aside, folder)  # of a process that was killed before it had recorded anything
     _delete(aside)
     _move(folder, aside)
     try:
