@@ -7,6 +7,8 @@ import json
 import os
 import subprocess
 import termios
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from unittest.mock import ANY
 
@@ -129,17 +131,17 @@ def test_a_run_that_a_law_was_to_replace_is_there_again_where_it_ends_its_proces
     assert {path.name: path.read_bytes() for path in (tmp_path / "out").iterdir()} == before
 
 
-def test_a_terminal_that_stops_who_prints_in_its_background_stops_no_run(tmp_path: Path) -> None:
-    """`stty tostop`: the law's process is no group of the terminal's foreground."""
-    law_in(tmp_path, "at_start", "pass")
+@contextmanager
+def on_a_terminal(folder: Path, **changed: int) -> Iterator[tuple[subprocess.Popen[bytes], int]]:
+    """A run of mine.toml as a terminal's foreground, and our end of that terminal."""
     ours, theirs = os.openpty()
     words = termios.tcgetattr(theirs)
-    words[3] |= termios.TOSTOP
+    words[3] |= changed.get("lflag", 0)
     termios.tcsetattr(theirs, termios.TCSANOW, words)
     line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
     with subprocess.Popen(
         line,
-        cwd=tmp_path,
+        cwd=folder,
         stdin=theirs,
         stdout=theirs,
         stderr=theirs,
@@ -148,7 +150,31 @@ def test_a_terminal_that_stops_who_prints_in_its_background_stops_no_run(tmp_pat
     ) as run:
         os.close(theirs)
         try:
-            assert run.wait(timeout=60) == 0  # it was ended after 90 s, with exit code 1
+            yield run, ours
         finally:
             run.kill()
             os.close(ours)
+
+
+def test_a_terminal_that_stops_who_prints_in_its_background_stops_no_run(tmp_path: Path) -> None:
+    """`stty tostop`: the law's process is no group of the terminal's foreground."""
+    law_in(tmp_path, "at_start", "pass")
+    with on_a_terminal(tmp_path, lflag=termios.TOSTOP) as (run, _):
+        assert run.wait(timeout=60) == 0  # it was ended after 90 s, with exit code 1
+
+
+@pytest.mark.parametrize("code", ["input()", "breakpoint()", "os.read(0, 1)"])
+def test_a_law_that_reads_from_the_terminal_is_told_at_once(code: str, tmp_path: Path) -> None:
+    """A terminal stops who reads from it in its background."""
+    law_in(tmp_path, "at_command", code)
+    with on_a_terminal(tmp_path) as (run, _):
+        assert run.wait(timeout=60) == 1  # it was ended after 150 s
+    said = json.loads((tmp_path / "out" / "metrics.json").read_text())
+    assert said["status"] == "failed"
+    assert ("Input/output error" if "os" in code else "tt.simulate lets it read") in said["reason"]
+
+
+def test_a_law_reads_what_is_piped_to_it(tmp_path: Path) -> None:
+    law_in(tmp_path, "at_start", "assert input() == 'a word'")
+    line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
+    subprocess.run(line, cwd=tmp_path, input=b"a word\n", check=True)

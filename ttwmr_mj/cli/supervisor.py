@@ -75,6 +75,7 @@ def supervise(scenario: Scenario, result: Path | None = None) -> None:
     if child == 0:
         os.close(told)
         _keep_streams()
+        _take_the_keyboard()
         _become_the_child(parent, telling)
         deadline.show_on(memoryview(board).cast("d"))
         build.keep_laws()
@@ -121,6 +122,32 @@ def _far(file: int) -> int:
 
     most = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
     return fcntl.fcntl(file, fcntl.F_DUPFD_CLOEXEC, min(FAR, most // 2))
+
+
+class _NoKeyboard(io.TextIOBase):
+    """The standard input of the child, where a terminal would stop who reads from it."""
+
+    def isatty(self) -> bool:
+        return True
+
+    def readable(self) -> bool:
+        return True
+
+    def read(self, size: int | None = -1) -> str:
+        raise io.UnsupportedOperation(
+            "a law that a command runs has no keyboard; in a script, tt.simulate lets it read, and "
+            "breakpoint() stop there"
+        )
+
+    def readline(self, size: int = -1) -> str:  # type: ignore[override]
+        return self.read(size)
+
+
+def _take_the_keyboard() -> None:
+    """Refuse words from a terminal at once; pipes and files are read as ever."""
+    if sys.stdin.isatty():
+        signal.signal(signal.SIGTTIN, signal.SIG_IGN)  # a read of the descriptor fails then
+        sys.stdin = _NoKeyboard()
 
 
 class _Lasting(io.TextIOWrapper):
