@@ -134,6 +134,7 @@ class _NoKeyboard(io.TextIOBase):
         return True
 
     def read(self, size: int | None = -1) -> str:
+        del size
         raise io.UnsupportedOperation(
             "a law that a command runs has no keyboard; in a script, tt.simulate lets it read, and "
             "breakpoint() stop there"
