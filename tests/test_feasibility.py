@@ -204,7 +204,7 @@ def test_the_wheels_power_is_the_change_of_kinetic_energy() -> None:
     surge, _ = to_body(path.theta1_rad, *np.moveaxis(path.acceleration_m_s2, -1, 0))
     acceleration = np.concatenate([surge[..., None], path.theta_acceleration], axis=-1)
     torque, grip = _forces(q, twist, acceleration, FAST)
-    power = (torque * wheels_from_twist(twist, FAST)).sum(axis=-1)[:, 0]
+    power = (torque * wheels_from_twist(twist[..., :2], FAST)).sum(axis=-1)[:, 0]
     inertia = np.einsum("...i,...ij,...j", twist, reduced_mass_matrix(q, FAST), twist)[:, 0]
     # central differences: T²/6 of the third derivative of half a millijoule
     slope = np.gradient(0.5 * inertia, FINE)[1:-1]

@@ -1,7 +1,11 @@
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics import kinematics
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.robot import RobotParameters
 
 ROBOT = RobotParameters()
@@ -80,3 +84,19 @@ def test_wheels_of_unequal_radius_roll_each_on_its_own(difference: float) -> Non
     np.testing.assert_allclose(twist[:, 0] + 0.5 * tractor.track_width_m * twist[:, 1], rims[:, 0])
     np.testing.assert_allclose(twist[:, 0] - 0.5 * tractor.track_width_m * twist[:, 1], rims[:, 1])
     np.testing.assert_allclose(kinematics.wheels_from_twist(twist, robot), wheels, rtol=1e-12)
+
+
+@pytest.mark.parametrize("of", [kinematics.wheels_from_twist, kinematics.twist_from_wheels])
+@pytest.mark.parametrize(
+    "given", [[[0.1, 0.2, 0.3]], [0.1], 0.1, "ab", [[1.0], [1.0, 2.0]], np.zeros(2, complex), None]
+)
+def test_what_is_no_pair_of_numbers_is_refused(of: Callable[..., Any], given: Any) -> None:
+    with pytest.raises(InputError, match=r"got .*; allowed: numbers of shape \(\.\.\., 2\)"):
+        of(given, ROBOT)
+
+
+@pytest.mark.parametrize("of", [kinematics.wheels_from_twist, kinematics.twist_from_wheels])
+def test_lists_are_taken_and_no_robot_is_refused(of: Callable[..., Any]) -> None:
+    np.testing.assert_array_equal(of([[0.1, 0.2]], ROBOT), of(np.array([[0.1, 0.2]]), ROBOT))
+    with pytest.raises(InputError, match="robot: got None; allowed: RobotParameters"):
+        of([0.1, 0.2], None)

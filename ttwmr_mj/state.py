@@ -96,7 +96,7 @@ def hitch_angles(q: FloatArray) -> FloatArray:
 
 def wrap(angle_rad: FloatArray) -> FloatArray:
     """The same angles in [−π, π) [rad], any shape."""
-    return (angle_rad + np.pi) % TWO_PI - np.pi
+    return (np.asarray(angle_rad) + np.pi) % TWO_PI - np.pi
 
 
 def hitches_unwound(theta: FloatArray) -> FloatArray:

@@ -68,7 +68,8 @@ class Command(ArrayFields):
 
     Attributes:
         wheel_speed_rad_s: (nsim, 2) (ω_r, ω_l).
-        saturated: (nsim,) the desired speeds were limited to the servo's range.
+        saturated: (nsim,) the desired speeds were limited to the servo's range. Speeds at its limit
+            or beyond it are recorded as saturated in any case.
         near_singular: (nsim,) the map to wheel speeds was near its singularity, standstill.
         signals: name with its unit → (nsim,); the same names at every sample. They become columns
             of trajectory.parquet, plots of the recording and a figure.
@@ -98,7 +99,7 @@ class Controller(ABC):
     def plain(
         wheel_speed_rad_s: FloatArray, signals: Mapping[str, FloatArray] | None = None
     ) -> Command:
-        """A command without flags, for laws that speak in wheel speeds themselves."""
+        """A command without flags of the law's own, for laws that speak in wheel speeds."""
         clear = np.zeros(len(wheel_speed_rad_s), dtype=np.bool_)
         return Command(wheel_speed_rad_s, clear, clear, signals or {})
 

@@ -7,6 +7,8 @@ is ξ̇ = (ṡ, θ̇1, θ̇2) [m/s, rad/s, rad/s]; with more trailers, their ang
 
 import numpy as np
 
+from ttwmr_mj.config import Stack
+from ttwmr_mj.errors import InputError, require, shown
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT, THETA1, FloatArray
 
@@ -72,8 +74,12 @@ def twist_from_wheels(wheel_speed_rad_s: FloatArray, robot: RobotParameters) -> 
 
     Returns:
         (..., 2) u1 = ṡ [m/s] and u2 = θ̇1 [rad/s].
+
+    Raises:
+        InputError: these are no such numbers, or no robot.
     """
-    return np.stack(rolling(wheel_speed_rad_s, *wheel_geometry(robot)), axis=-1)
+    wheels = _pairs("wheel_speed_rad_s", wheel_speed_rad_s, robot)
+    return np.stack(rolling(wheels, *wheel_geometry(robot)), axis=-1)
 
 
 def wheel_geometry(robot: RobotParameters) -> tuple[float, float, float]:
@@ -102,8 +108,27 @@ def rolling(
 
 
 def wheels_from_twist(twist: FloatArray, robot: RobotParameters) -> FloatArray:
-    """Wheel speeds (..., 2) (right, left) [rad/s] that give (u1, u2) (..., 2): Eq. 8-9 inverted."""
-    return rolling_wheels(twist, *wheel_geometry(robot))
+    """Wheel speeds (..., 2) (right, left) [rad/s] that give (u1, u2) (..., 2): Eq. 8-9 inverted.
+
+    Raises:
+        InputError: these are no such numbers, or no robot.
+    """
+    return rolling_wheels(_pairs("twist", twist, robot), *wheel_geometry(robot))
+
+
+def _pairs(where: str, given: object, robot: object) -> FloatArray:
+    """(..., 2) what a law or a script gives, if it is that, and the robot is one."""
+    try:
+        values = np.asarray(given)
+    except ValueError:  # lists of unequal lengths
+        values = np.empty(0)
+    if values.dtype.kind not in "iuf" or values.shape[-1:] != (2,):
+        got = f"an array {values.shape} of {values.dtype}"
+        got = got if isinstance(given, np.ndarray) else shown(given)
+        raise InputError.at(where, got=got, allowed="numbers of shape (..., 2)")
+    if not isinstance(robot, Stack):  # of many simulations
+        require(RobotParameters, "robot", robot)
+    return values
 
 
 def rolling_wheels(

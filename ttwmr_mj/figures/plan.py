@@ -78,7 +78,8 @@ def _draw_way(
 def _draw_wheels(
     axes: Axes, reference: ReferencePath, robot: RobotParameters, limit: float
 ) -> None:
-    speeds = wheels_from_twist(workspace_rate(reference.q, reference.q_rate), robot)[:, 0]
+    twist = workspace_rate(reference.q, reference.q_rate)[..., :2]
+    speeds = wheels_from_twist(twist, robot)[:, 0]
     for name, colour, values in zip(
         ("right", "left"), (style.RIGHT, style.LEFT), speeds.T, strict=True
     ):

@@ -140,7 +140,10 @@ QUANTITIES = {
         "sum ω_r² + ω_l² of the commands", "(ω_r² + ω_l²) commanded", "rad²/s²", "8-9"
     ),
     "saturated": Quantity(
-        "whose command was limited to the servo's range", "the command was cut", "1", "8-9"
+        "whose command was cut to the servo's range, or at its limit",
+        "the command was cut or at the limit",
+        "1",
+        "8-9",
     ),
     "near_singular": Quantity(
         "near the singularity of the map from accelerations to wheels, while the reference moves",

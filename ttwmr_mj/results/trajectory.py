@@ -94,7 +94,7 @@ class Trajectory(ArrayFields):
         est_valid: (n, nsim) False where the sensor reported its estimate as invalid.
         measurement_age_s: (n, nsim) age of the newest measurement in what the controller saw.
         labels_found: (n, nsim) labels the camera found; NaN without a camera.
-        saturated: (n, nsim) the command had to be limited to the servo's range.
+        saturated: (n, nsim) the command was cut to the servo's range, or at its limit.
         near_singular: (n, nsim) the map from accelerations to wheels was near its singularity.
         tilt_rad, height_m, wheels_on_floor, wheel_slip_m_s: (n, nsim) as of `plants.footing`.
         joint_positions: (n, nsim, nq) MuJoCo's generalized positions; nq = 0 on the analytic plant.

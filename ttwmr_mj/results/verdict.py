@@ -45,7 +45,8 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
     ),
     "saturated_throughout": (
         "saturated throughout",
-        "commands were cut to the servo's range at more than `saturated_share` of the samples",
+        "commands were cut to the servo's range, or at its limit, at more than "
+        "`saturated_share` of the samples",
     ),
     "lost": ("lost", "P exceeded a limit"),
     "tractor_follows_trailer_lost": (

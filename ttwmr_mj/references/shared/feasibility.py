@@ -117,7 +117,7 @@ def _drive(
     q, twist = reference.q, workspace_rate(reference.q, reference.q_rate)
     surge, _ = to_body(reference.theta1_rad, *np.moveaxis(reference.acceleration_m_s2, -1, 0))
     acceleration = np.concatenate([surge[..., None], reference.theta_acceleration], axis=-1)
-    speed, change = (wheels_from_twist(values, robot) for values in (twist, acceleration[..., :2]))
+    speed, change = (wheels_from_twist(v[..., :2], robot) for v in (twist, acceleration))
     torque, grip = _forces(q, twist, acceleration, robot)
     torque = torque + servo.reflected_inertia_kg_m2 * change
     key = ("robot", "servo")

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from ttwmr_mj.config import column
 from ttwmr_mj.controllers.base import Command
 from ttwmr_mj.errors import MachineError
 from ttwmr_mj.plants.base import Plant
@@ -21,9 +22,10 @@ from ttwmr_mj.runs.pushes import Push, forces
 from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate, Sensor
-from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
 Report = Callable[[Trajectory], None]
+AT_LIMIT = 1.0 - 1e-12  # a law that scales its command down to the limit rounds
 STANCES = 1000  # samples that may wait until their footing is computed, all at once
 
 
@@ -202,12 +204,17 @@ class Loop:
         who = self._who_is_left()
         _record_estimate(rows, k, estimate, who)
         rows.wheel_command_rad_s[k, who] = command.wheel_speed_rad_s[who]
-        rows.saturated[k, who] = command.saturated[who]
+        rows.saturated[k, who] = (command.saturated | self._at_limit(command))[who]
         rows.near_singular[k, who] = command.near_singular[who]
         for name, values in command.signals.items():
             rows.signals[name][k, who] = values[who]
         watch.lap("loop")
         return command
+
+    def _at_limit(self, command: Command) -> BoolArray:
+        """(nsim,) whose servos are asked for all they give, or more, whatever the law tells."""
+        limit = AT_LIMIT * column(self.scenario.robot.servo.speed_limit_rad_s)
+        return np.asarray((np.abs(command.wheel_speed_rad_s) >= limit).any(axis=1))
 
     def _who_is_left(self) -> Any:
         """An index of the simulations that have not ended."""
