@@ -61,10 +61,12 @@ def test_the_file_is_named_that_found_no_room(tmp_path: Path) -> None:
     assert error.value.errno == errno.ENOSPC
 
 
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+def test_a_pipe_is_not_waited_for_and_a_folder_is_called_one(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.json")
     with pytest.raises(OSError, match="Invalid argument"):
         read_json(tmp_path / "a.json")
+    with pytest.raises(OSError, match="Is a directory"):
+        read_json(tmp_path)
     (tmp_path / "b.json").write_text("[1, 2]")
     with pytest.raises(ValueError, match=r"b\.json holds no object"):
         read_json(tmp_path / "b.json")

@@ -123,7 +123,8 @@ def no_device(path: Path) -> None:
         OSError: it is there and no file.
     """
     if path.exists() and not path.is_file():
-        raise OSError(errno.EINVAL, os.strerror(errno.EINVAL), str(path))
+        what = errno.EISDIR if path.is_dir() else errno.EINVAL
+        raise OSError(what, os.strerror(what), str(path))
 
 
 @contextmanager

@@ -28,7 +28,8 @@ class ArrayFields:
     def __eq__(self, other: object) -> bool:
         if type(other) is not type(self):
             return NotImplemented
-        names = [f.name for f in fields(self)]  # type: ignore[arg-type]  # of a subclass, it is one
+        compared = (f for f in fields(self) if f.compare)  # type: ignore[arg-type]  # a subclass is
+        names = [f.name for f in compared]
         return all(_same(getattr(self, name), getattr(other, name)) for name in names)
 
     __hash__ = None  # type: ignore[assignment]

@@ -1,6 +1,6 @@
 """A scenario made ready to run, in memory."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -23,7 +23,7 @@ from ttwmr_mj.state import ArrayFields, FloatArray, RobotState
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Result(ArrayFields):
-    """A finished run of one or many simulations.
+    """A finished run of one or many simulations; equal to another whatever time each took.
 
     Attributes:
         scenario: what was run.
@@ -39,8 +39,8 @@ class Result(ArrayFields):
     scenario: Scenario
     trajectory: Trajectory
     outcomes: tuple[Outcome, ...]
-    wall_time_s: dict[str, float]
-    control_time_s: FloatArray
+    wall_time_s: dict[str, float] = field(compare=False)
+    control_time_s: FloatArray = field(compare=False)
     demands: Feasibility | None
 
     @property
