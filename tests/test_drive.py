@@ -19,6 +19,7 @@ import pytest
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.runs.by_hand.drive import HandPace
 from ttwmr_mj.runs.by_hand.hands import EVENT, FULL, STEP, Hands
 from ttwmr_mj.scenario.file import load_scenario
 
@@ -141,6 +142,33 @@ def test_a_drive_that_is_stopped_is_no_success(signum: signal.Signals, tmp_path:
     assert terminal.echoes == echoed
     assert "ttwmr: lab_circle interrupted at" in terminal.said
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "interrupted"
+
+
+def test_a_drive_pauses_as_a_shell_asks_and_goes_on(tmp_path: Path) -> None:
+    """Ctrl-Z: the shell's terminal is as it was; after `fg` keys are taken again, one by one."""
+    command = [sys.executable, "-m", "ttwmr_mj", "drive", "--out", "out", "--live=none"]
+    terminal = Terminal(command, tmp_path)
+    echoed = terminal.echoes
+    terminal.until(" 0.5 s")
+    process = terminal.process
+    process.send_signal(signal.SIGTSTP)
+    assert os.waitid(os.P_PID, process.pid, os.WSTOPPED) is not None
+    assert terminal.echoes == echoed
+    process.send_signal(signal.SIGCONT)
+    while terminal.echoes:  # what is typed until then is dropped
+        time.sleep(0.01)
+    terminal.type("q")  # without Enter
+    assert terminal.end() == 0, terminal.said
+
+
+def test_nobody_drives_during_a_pause(typed: tuple[int, Hands]) -> None:
+    _, hands = typed
+    pace = HandPace(1.0, hands=hands)
+    pace.hold(0.0)
+    pace._started_s -= 100.0  # as if so much time had gone by
+    hands.paused_s += 100.0
+    pace.hold(0.033)
+    assert pace.lag_s[-1] < 50.0
 
 
 def test_driving_needs_a_terminal(tmp_path: Path) -> None:

@@ -3,13 +3,16 @@
 import os
 import re
 import select
+import signal
 import struct
 import sys
 import termios
+import threading
 import tty
 from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
+from time import perf_counter
+from types import FrameType, TracebackType
 from typing import Self
 
 from ttwmr_mj.errors import MachineError
@@ -36,6 +39,7 @@ class Hands:
         forward: share of the largest speed, in [−1, 1].
         turn: share of the largest turn rate, in [−1, 1]; positive to the left.
         ended: whether the run shall end.
+        paused_s: wall time for which the process was stopped by Ctrl-Z so far.
 
     Raises:
         MachineError: standard input is no terminal.
@@ -44,6 +48,7 @@ class Hands:
     def __init__(self, gamepad: Path = GAMEPAD) -> None:
         self.forward = self.turn = 0.0
         self.ended = False
+        self.paused_s = 0.0
         if not sys.stdin.isatty():
             raise MachineError("driving needs a terminal to type into; standard input is none")
         self._terminal = sys.stdin.fileno()
@@ -55,6 +60,7 @@ class Hands:
 
     def __enter__(self) -> Self:
         tty.setcbreak(self._terminal)
+        self._on_pause = signal.signal(signal.SIGTSTP, self._pause)
         return self
 
     def __exit__(
@@ -63,10 +69,20 @@ class Hands:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        signal.signal(signal.SIGTSTP, self._on_pause)
         with suppress(termios.error):  # the terminal is gone
             termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
         if self._gamepad is not None:
             os.close(self._gamepad)
+
+    def _pause(self, signum: int, frame: FrameType | None) -> None:
+        """Stop as Ctrl-Z asks; the shell has its terminal as it was, and keys are taken after."""
+        del signum, frame
+        began_s = perf_counter()
+        termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
+        signal.pthread_kill(threading.get_ident(), signal.SIGSTOP)  # `fg` goes on here
+        tty.setcbreak(self._terminal)
+        self.paused_s += perf_counter() - began_s
 
     @property
     def told(self) -> str:
