@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import signal
 import subprocess
 import termios
 from collections.abc import Iterator
@@ -178,3 +179,20 @@ def test_a_law_reads_what_is_piped_to_it(tmp_path: Path) -> None:
     law_in(tmp_path, "at_start", "assert input() == 'a word'")
     line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
     subprocess.run(line, cwd=tmp_path, input=b"a word\n", check=True)
+
+
+def test_a_law_stops_and_goes_on_with_its_command(tmp_path: Path) -> None:
+    """Ctrl-Z in a shell reaches the command, and its law's process is a group of its own."""
+    here = "open('law', 'w').write(str(os.getpid())); time.sleep(0.2)"
+    law_in(tmp_path, "at_command", here)
+    line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
+    with subprocess.Popen(line, cwd=tmp_path) as run:
+        while not (tmp_path / "law").is_file() or not (tmp_path / "law").read_text():
+            assert run.poll() is None
+        law = Path("/proc") / (tmp_path / "law").read_text()
+        run.send_signal(signal.SIGTSTP)
+        assert os.waitid(os.P_PID, run.pid, os.WSTOPPED) is not None
+        while "State:\tT" not in (law / "status").read_text():  # at once, or never
+            assert law.is_dir()
+        run.send_signal(signal.SIGCONT)
+        assert run.wait(timeout=60) == 0

@@ -12,6 +12,7 @@ import signal
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from threading import get_ident
 from time import monotonic
 from typing import Any
 
@@ -59,12 +60,13 @@ class Watch:
         """Wait for the child's end; the exit code that it has told, else FAILED with a reason."""
         from ttwmr_mj.runs.process.signals import give_back, handled_by
 
-        before = handled_by(self._pass_on)
+        before, on_pause = handled_by(self._pass_on), signal.signal(signal.SIGTSTP, self._pause)
         try:
             told = self._wait()
             ended = self._end(LEAVE_S if told else 0.0)
         finally:
             give_back(before)
+            signal.signal(signal.SIGTSTP, on_pause)
         if told:
             return told[0] or self._looked_at()
         reason = self._given_up or (
@@ -173,6 +175,15 @@ class Watch:
             if not over:
                 os.kill(self.child, signal.SIGKILL)
         return os.waitpid(self.child, 0)[1]
+
+    def _pause(self, signum: int, frame: object) -> None:
+        """Stop with the child, as Ctrl-Z asks, and go on with it: it has a group of its own."""
+        del signum, frame
+        with suppress(OSError):  # it has ended
+            os.killpg(self.child, signal.SIGSTOP)
+        signal.pthread_kill(get_ident(), signal.SIGSTOP)  # `fg` goes on here
+        with suppress(OSError):
+            os.killpg(self.child, signal.SIGCONT)
 
     def _pass_on(self, signum: int, frame: object) -> None:
         del frame
