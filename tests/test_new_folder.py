@@ -104,6 +104,51 @@ def test_a_run_that_came_to_nothing_leaves_the_folder_as_it_was(
         }
 
 
+def test_a_run_of_relative_links_is_there_again_or_replaced(tmp_path: Path) -> None:
+    folder, store = tmp_path / "run", tmp_path / "store"
+    a_run(store)
+    folder.mkdir()
+    names = ("metrics.json", "trajectory.parquet", "summary.png")
+    for name in names:  # the last one leads nowhere
+        (folder / name).symlink_to(Path("..") / "store" / name)
+    with pytest.raises(InputError, match="wrong"), new_folder(folder, force=True):
+        raise InputError("wrong")
+    assert {path.name for path in folder.iterdir()} == {*names}
+    assert (folder / "metrics.json").read_text() == "old metrics.json"
+    with new_folder(folder, force=True):
+        (folder / "metrics.json").write_text("new")
+    assert {path.name for path in folder.iterdir()} == {"metrics.json"}
+    assert (store / "metrics.json").read_text() == "old metrics.json"
+
+
+@pytest.mark.parametrize("name", ["report.html", "summary.pdf", "figures/paths.png"])
+def test_force_replaces_nothing_where_there_is_no_run(name: str, tmp_path: Path) -> None:
+    for mine in (name, "notes.txt"):
+        (tmp_path / mine).parent.mkdir(exist_ok=True)
+        (tmp_path / mine).write_text("mine")
+    with (
+        pytest.raises(InputError, match=rf"holds {name}, and no run .*; give another one"),
+        new_folder(tmp_path, force=True),
+    ):
+        pass
+    assert files(tmp_path) == dict.fromkeys((name, "notes.txt"), "mine")
+    (tmp_path / name).unlink()
+    with new_folder(tmp_path, force=True):  # nothing is in the way
+        pass
+    assert files(tmp_path) == {"notes.txt": "mine"}
+
+
+@pytest.mark.parametrize(("link", "to"), [("dead", "nowhere"), ("loop", "loop")])
+def test_a_link_that_leads_nowhere_is_told(link: str, to: str, tmp_path: Path) -> None:
+    (tmp_path / link).symlink_to(to)
+    for folder in (tmp_path / link, tmp_path / link / "inside"):
+        with (
+            pytest.raises(InputError, match=rf"/{link} is a link that leads nowhere$"),
+            new_folder(folder, force=False),
+        ):
+            pass
+
+
 def test_a_recording_without_a_row_replaces_no_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

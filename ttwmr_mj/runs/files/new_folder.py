@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from glob import glob
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, is_of_input, refused
@@ -15,17 +17,22 @@ _DRAWN = (
     *("paths", "x", "y", "theta1", "theta2", "wheel_speeds", "errors", "hitch_angle", "signals"),
     *("deviation", "slip", "residuals", "attribution", "contributions", "convergence", "fit"),
 )
-# all that run, drive, compare and track leave, and those who keep runs beside them
-OURS = (
+# all that run, drive, compare and track leave, and those who keep runs beside them: what tells that
+# there is a run, and what others may have, too
+_TELLING = (
     *("scenario.resolved.toml", "manifest.json", "metrics.json", "row.json", "made_of.json"),
     *("trajectory.parquet", "trajectory.arrows", "physics.parquet", "run.rrd"),
+    *("compare.json", "contact.parquet", "analytic.parquet", "attribution.parquet"),
+    *("fitted.toml", "poses.parquet", "track.rrd"),
+)
+_COMMON = (
+    "report.html",
     *(f"summary.{ending}" for ending in ("png", "svg", "pdf")),
     *(f"figures/{name}.{ending}" for name in _DRAWN for ending in ("png", "svg")),
     *(f"frames/{kind}/[0-9]*.png" for kind in ("images", "masks")),
     "frames/annotations.json",
-    *("compare.json", "contact.parquet", "analytic.parquet", "attribution.parquet"),
-    *("fitted.toml", "report.html", "poses.parquet", "track.rrd"),
 )
+OURS = (*_TELLING, *_COMMON)
 RECORDED = ("*.parquet", "*.arrows", "*.rrd")
 ASIDE = ".replaced"  # where what is replaced waits until there is something in its place
 
@@ -39,7 +46,8 @@ def new_folder(folder: Path, force: bool) -> Iterator[None]:
 
     Args:
         folder: must be empty or absent.
-        force: replace the run that it holds, as a whole; files that are none of a run's stay.
+        force: replace the run that it holds, as a whole; files that are none of a run's stay, and
+            where there is no run, none may have the name of one of a run's.
 
     Raises:
         InputError: the folder holds something, is filled by another process, or cannot be made.
@@ -65,9 +73,14 @@ def make_folder(folder: Path) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError.at(
-            "--out", f"cannot make the folder: {refused(error)}", got=str(folder)
-        ) from error
+        astray = [path for path in (folder, *folder.parents) if _leads_nowhere(path)]
+        why = f"{astray[0]} is a link that leads nowhere" if astray else refused(error)
+        problem = f"cannot make the folder: {why}"
+        raise InputError.at("--out", problem, got=str(folder)) from error
+
+
+def _leads_nowhere(path: Path) -> bool:
+    return os.path.lexists(path) and not os.path.exists(path)  # noqa: PTH110  # a loop is no error
 
 
 def kept(folder: Path) -> str:
@@ -114,6 +127,10 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
     if not (_is_over(folder) or _is_recorded(folder)):
         _move(aside, folder)  # of a process that was killed before it had recorded anything
     _delete(aside)
+    others = [] if _files(folder, _TELLING) else _files(folder)
+    if others:
+        problem = f"it holds {others[0].relative_to(folder)}, and no run that --force could replace"
+        raise InputError.at("--out", problem, got=str(folder), hint="give another one")
     _move(folder, aside)
     try:
         yield
@@ -149,10 +166,15 @@ def _is_over(folder: Path) -> bool:
     return (folder / "metrics.json").is_file()
 
 
-def _files(folder: Path) -> list[Path]:
-    """The files of a run, half-written ones included, and what has their names: a pipe, a link."""
-    names = (name for ours in OURS for name in (ours, drafts(ours)))
-    return [path for name in names for path in folder.glob(name) if not path.is_dir()]
+def _files(folder: Path, kinds: Iterable[str] = OURS) -> list[Path]:
+    """The files of a run, half-written ones included, and what has their names: a pipe, a link.
+
+    Links that lead nowhere are among them, as relative ones do once they are set aside.
+    """
+    names = (name for ours in kinds for name in (ours, drafts(ours)))
+    # `Path.glob` does not see such links
+    found = (folder / path for name in names for path in glob(name, root_dir=folder))  # noqa: PTH207
+    return [path for path in found if path.is_symlink() or not path.is_dir()]
 
 
 def _move(folder: Path, into: Path) -> None:
