@@ -14,8 +14,9 @@ from vision_scene import lab_calibration, model
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.studies.calibrate import calibrate_from_images
 from ttwmr_mj.vision.calibration.board import THICKNESS_M, BoardCamera, BoardView, find_board
-from ttwmr_mj.vision.calibration.calibrate import FLAT_POSES, _flat_pose, _held_poses, calibrate
+from ttwmr_mj.vision.calibration.calibrate import FLAT_POSES, _held_poses, calibrate
 from ttwmr_mj.vision.calibration.file import CONTENT, load_calibration, save_calibration
+from ttwmr_mj.vision.calibration.floor import flat_pose
 from ttwmr_mj.vision.camera.model import hang_camera
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
 
@@ -264,8 +265,8 @@ def test_a_photographed_board_calibrates_like_a_simulated_one(tmp_path: Path) ->
     """Pictures on disk of a camera whose geometry is known, and one without a board."""
     source, rng = BoardCamera(CameraOptions(), np.random.default_rng(0)), np.random.default_rng(1)
     album(tmp_path, held=(480, 640), origin=(480, 640), flat=(480, 640))
-    shots = {"held": _held_poses(source.true, rng), "origin": [_flat_pose(0.0, 0.0, 0.0)] * 2}
-    shots["flat"] = [_flat_pose(*pose) for pose in FLAT_POSES]
+    shots = {"held": _held_poses(source.true, rng), "origin": [flat_pose(0.0, 0.0, 0.0)] * 2}
+    shots["flat"] = [flat_pose(*pose) for pose in FLAT_POSES]
     for name, poses in shots.items():
         for i, pose in enumerate(poses):
             cv2.imwrite(str(tmp_path / name / f"{i}.JPG"), source.take(*pose, 0.0))

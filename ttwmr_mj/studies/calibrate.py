@@ -8,13 +8,8 @@ from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_bytes
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.vision.calibration.board import board_print
-from ttwmr_mj.vision.calibration.calibrate import (
-    Calibration,
-    calibrate,
-    calibrate_virtual,
-    find_boards,
-)
+from ttwmr_mj.vision.calibration.board import board_print, find_board
+from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate, calibrate_virtual
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
 from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, size_px
@@ -38,8 +33,8 @@ def calibrate_scenario(scenario: Scenario) -> Calibration:
     return calibrate_virtual(scenario.believed_camera, rng)
 
 
-def calibrate_from_images(folder: Path) -> Calibration:
-    """Calibrate from a real camera's pictures of the board.
+def calibrate_from_images(folder: Path) -> tuple[Calibration, list[Path]]:
+    """Calibrate from a real camera's pictures of the board; in which of them it was not found.
 
     Args:
         folder: holds held/ (the board in the hand, tilted, all over the picture), origin/ (flat
@@ -47,7 +42,8 @@ def calibrate_from_images(folder: Path) -> Calibration:
             anywhere; may be absent).
 
     Raises:
-        InputError: no pictures, some that cannot be read or differ in size, or too few boards.
+        InputError: no pictures, some that cannot be read or differ in size, too few boards, or
+            boards that determine no camera.
     """
     held, origin, flat = (_pictures(folder / name) for name in ("held", "origin", "flat"))
     if not held or not origin:
@@ -67,8 +63,13 @@ def calibrate_from_images(folder: Path) -> Calibration:
             )
             raise InputError(unlike, file=str(path))
     height_px, width_px = first[1].shape[:2]
-    found = [find_boards(images.values()) for images in (held, origin, flat)]
-    return calibrate(found[0], found[1], found[2], width_px, height_px)
+    seen = {path: find_board(image) for path, image in (held | origin | flat).items()}
+    views = [
+        [view._replace(picture=str(path)) for path in images if (view := seen[path]) is not None]
+        for images in (held, origin, flat)
+    ]
+    calibration = calibrate(views[0], views[1], views[2], width_px, height_px)
+    return calibration, [path for path, view in seen.items() if view is None]
 
 
 def write_board(path: Path) -> None:

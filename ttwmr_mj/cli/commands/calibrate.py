@@ -37,7 +37,9 @@ class Calibrate(Overrides, name="calibrate"):
         self._refuse_to_replace("--out", self.out)
         if self.images is not None:
             self._refuse_beside("--images", self._of_scenario())
-            calibration = calibrate_from_images(self.images)
+            calibration, unused = calibrate_from_images(self.images)
+            if unused:
+                print(f"too little of the board is seen in {', '.join(map(str, unused))}")
         else:
             calibration = calibrate_scenario(self.load(self.scenario))
         save_calibration(calibration, self.out)

@@ -38,6 +38,7 @@ class BoardView(NamedTuple):
 
     points_m: FloatArray  # (n, 2) x right and y up on the board from its middle, seen from above
     pixels: FloatArray  # (n, 2) column, row
+    picture: str = ""  # the file, where there is one
 
 
 def find_board(image: Image) -> BoardView | None:

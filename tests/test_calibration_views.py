@@ -1,0 +1,139 @@
+"""Views that leave a camera or its place open are refused, however well they are explained."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import InputError
+from ttwmr_mj.vision.calibration.board import BoardView
+from ttwmr_mj.vision.calibration.calibrate import Calibration, _held_poses, calibrate
+from ttwmr_mj.vision.calibration.floor import Pose, flat_pose, rotation
+from ttwmr_mj.vision.camera.model import CameraModel
+
+CAMERA = CameraModel(
+    width_px=640,
+    height_px=480,
+    focal_px=np.array([640.0, 640.0]),
+    principal_px=np.array([322.7, 237.4]),
+    distortion=np.array([-0.12, 0.05, 6e-4, -4e-4, 0.0]),
+    rotation=np.diag([1.0, -1.0, -1.0]),
+    position_m=np.array([0.0, 0.0, 1.9]),
+)
+COLUMNS, ROWS = np.meshgrid(np.arange(-2.5, 3.0), np.arange(-1.5, 2.0))
+CORNERS_M = 0.08 * np.column_stack([COLUMNS.ravel(), ROWS.ravel()])
+NOISE_PX = 0.05  # of a corner in a good picture
+FLAT = [flat_pose(*pose) for pose in ((0.5, 0.3, 0.5), (-0.5, 0.3, -0.4), (-0.5, -0.3, 2.8))]
+ORIGIN = [flat_pose(0.0, 0.0, 0.0)] * 2
+
+
+def seen(poses: list[Pose], folder: str, seed: int) -> list[BoardView]:
+    rng = np.random.default_rng(seed)
+    return [
+        BoardView(
+            CORNERS_M,
+            CAMERA.project(middle + CORNERS_M @ turned[:, :2].T)
+            + rng.normal(0.0, NOISE_PX, CORNERS_M.shape),
+            f"{folder}/{i}.png",
+        )
+        for i, (middle, turned) in enumerate(poses)
+    ]
+
+
+def held_poses() -> list[Pose]:
+    return _held_poses(CAMERA, np.random.default_rng(0))
+
+
+def calibrated(held: list[Pose], origin: list[Pose], flat: list[Pose]) -> Calibration:
+    views = (seen(held, "held", 1), seen(origin, "origin", 2), seen(flat, "flat", 3))
+    return calibrate(*views, CAMERA.width_px, CAMERA.height_px)
+
+
+def untilted(pose: Pose) -> Pose:
+    """As it is spun, but parallel to the floor."""
+    middle, turned = pose
+    return middle, rotation(np.array([0.0, 0.0, np.arctan2(turned[1, 0], turned[0, 0])]))
+
+
+def tilted_about_x(poses: list[Pose]) -> list[Pose]:
+    rng = np.random.default_rng(4)
+    return [(at, rotation(np.array([rng.uniform(-0.5, 0.5), 0.0, 0.0]))) for at, _ in poses]
+
+
+def test_good_views_find_the_camera() -> None:
+    found = calibrated(held_poses(), ORIGIN, FLAT)
+    # ten times the least squares' own standard deviations at this noise
+    assert found.camera.focal_px == pytest.approx(CAMERA.focal_px, abs=5.0)
+    assert found.camera.position_m == pytest.approx(CAMERA.position_m, abs=0.015)
+
+
+@pytest.mark.parametrize(
+    ("held", "origin", "flat"),
+    [
+        ([untilted(pose) for pose in held_poses()], ORIGIN, FLAT),
+        ([untilted(pose) for pose in held_poses()], ORIGIN, []),
+        (tilted_about_x(held_poses()), ORIGIN, FLAT),
+        # all in one place, and one pose that is tilted: the flat ones reach the borders
+        ([held_poses()[5]] * 10, ORIGIN, FLAT),
+        (ORIGIN * 4, ORIGIN, FLAT),
+    ],
+    ids=["never tilted", "never tilted nor elsewhere", "one axis", "one pose", "flat"],
+)
+def test_boards_that_are_not_tilted_every_way_are_refused(
+    held: list[Pose], origin: list[Pose], flat: list[Pose]
+) -> None:
+    with pytest.raises(InputError, match=r"parallel, or tilted about one axis only.* 4° are need"):
+        calibrated(held, origin, flat)
+
+
+def test_boards_in_the_middle_of_the_picture_are_refused() -> None:
+    held = [(np.array([0.0, 0.0, 0.5]), turned) for _, turned in held_poses()]
+    with pytest.raises(InputError, match=r"the boards reach over \d\d% of its width and .*border"):
+        calibrated(held, ORIGIN, [])
+
+
+HALF_TURN = flat_pose(0.0, 0.0, np.pi)
+IN_THE_HAND: Pose = (np.array([0.3, 0.2, 0.6]), rotation(np.array([0.4, 0.2, 0.7])))
+
+
+@pytest.mark.parametrize(
+    ("origin", "flat", "named"),
+    [
+        ([*ORIGIN, HALF_TURN], FLAT, "origin/2.png"),
+        ([HALF_TURN, *ORIGIN], FLAT, "origin/0.png"),
+        ([*ORIGIN, flat_pose(0.3, 0.2, 0.7)], [], "origin/2.png"),
+        ([*ORIGIN, flat_pose(0.01, 0.0, 0.0)], FLAT, "origin/2.png"),
+        ([*ORIGIN, IN_THE_HAND], FLAT, "origin/2.png"),
+        (ORIGIN, [*FLAT, IN_THE_HAND], "flat/3.png"),
+        ([*ORIGIN, HALF_TURN], [IN_THE_HAND, *FLAT], "origin/2.png, flat/0.png"),
+        (ORIGIN[:1], [IN_THE_HAND], "flat/0.png"),
+    ],
+)
+def test_a_picture_that_contradicts_the_others_is_named(
+    origin: list[Pose], flat: list[Pose], named: str
+) -> None:
+    with pytest.raises(InputError, match=f"contradict each other.* agree without {named};"):
+        calibrated(held_poses(), origin, flat)
+
+
+def test_pictures_that_show_too_little_of_the_board_are_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    held, origin = seen(held_poses(), "held", 1), seen(ORIGIN, "origin", 2)
+    # the shade of a picture says which view it stands for
+    shown = [*held[:10], None, *held[10:], *origin]
+    for i in range(len(shown)):
+        folder = tmp_path / "shots" / ("held" if i <= len(held) else "origin")
+        folder.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(folder / f"{i}.png"), np.full((480, 640, 3), i, np.uint8))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(
+        "ttwmr_mj.studies.calibrate.find_board", lambda image: shown[int(image[0, 0, 0])]
+    )
+    assert main(["calibrate", "--images", "shots", "--out", "mine.yaml"]) == 0
+    told = capsys.readouterr().out
+    assert told.startswith("too little of the board is seen in shots/held/10.png\n26 views, rms")
