@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.errors import RunError
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.footage import open_footage
 
@@ -28,9 +29,16 @@ def pictures(folder: Path, count: int, name: str = "{:04d}.png") -> None:
 def taken(source: Path) -> tuple[list[float], list[int]]:
     """Times, and which picture it was."""
     with open_footage(str(source), CAMERA) as footage:
-        frames = list(footage.frames)
+        frames = list(footage)
     shades = [round(float(frame.image.mean()) / GREY) for frame in frames]
     return [frame.time_s for frame in frames], shades
+
+
+def film(path: Path, options: list[str]) -> None:
+    pictures(path.parent / "shots", 12)
+    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-framerate", "30"]
+    source = ["-i", str(path.parent / "shots" / "%04d.png")]
+    subprocess.run([*ffmpeg, *source, *options, str(path)], check=True)
 
 
 @pytest.mark.parametrize(
@@ -49,13 +57,35 @@ def taken(source: Path) -> tuple[list[float], list[int]]:
 def test_frames_are_at_the_times_of_their_file(
     file: str, options: list[str], expected: np.ndarray, tmp_path: Path
 ) -> None:
-    pictures(tmp_path / "shots", 12)
-    ffmpeg = [imageio_ffmpeg.get_ffmpeg_exe(), "-loglevel", "error", "-framerate", "30"]
-    source = ["-i", str(tmp_path / "shots" / "%04d.png")]
-    subprocess.run([*ffmpeg, *source, *options, str(tmp_path / file)], check=True)
+    film(tmp_path / file, options)
     times, shades = taken(tmp_path / file)
     assert shades == list(range(12))
     np.testing.assert_allclose(times, expected, atol=6e-4)  # webm rounds to milliseconds
+
+
+@pytest.mark.parametrize(
+    ("file", "options"),
+    [
+        ("gap.webm", ["-fps_mode", "vfr"]),
+        ("gap.mkv", ["-fps_mode", "vfr", "-c:v", "mjpeg"]),
+        ("gap.ts", ["-fps_mode", "vfr", "-c:v", "mpeg2video"]),
+        ("gap.avi", ["-fps_mode", "passthrough", "-c:v", "mjpeg"]),
+    ],
+)
+def test_a_video_with_a_gap_is_whole_and_one_without_its_end_is_not(
+    file: str, options: list[str], tmp_path: Path
+) -> None:
+    """These containers tell how long they are, and OpenCV makes a number of frames of it."""
+    gap = ["-vf", "setpts='(N+20*gte(N,6))/30/TB'", *options]
+    film(tmp_path / file, gap)
+    times, shades = taken(tmp_path / file)
+    assert shades == list(range(12))
+    assert times[-1] == pytest.approx(31 / 30.0, abs=6e-4)
+    if file != "gap.ts":  # a stream of packets, which tells no length beforehand
+        whole = (tmp_path / file).read_bytes()
+        (tmp_path / file).write_bytes(whole[: len(whole) * 2 // 3])
+        with pytest.raises(RunError, match=rf"{file}: ended after \d+ frames, .* of 1\.1 s: dam"):
+            taken(tmp_path / file)
 
 
 @pytest.mark.parametrize("name", ["{}.png", "shot {} of 12.png", "{:04d}.png"])

@@ -7,6 +7,7 @@ import random
 import re
 import shutil
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from pathlib import Path
 
 import cv2
@@ -17,7 +18,7 @@ import pytest
 from test_hostile_files import survives
 
 from ttwmr_mj.assets import models_folder
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.references.planned import Knots, Planned
@@ -206,8 +207,8 @@ class Kinds:
         file.write_bytes(mutated_bytes(self.video, rng))
 
         def read() -> None:
-            with open_footage(str(file), CAMERA) as footage:
-                for frame, _ in zip(footage.frames, range(20), strict=False):
+            with open_footage(str(file), CAMERA) as frames, suppress(RunError):
+                for frame, _ in zip(frames, range(20), strict=False):
                     assert frame.image.shape == (48, 64, 3)
                     assert np.isfinite(frame.time_s)
 

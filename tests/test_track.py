@@ -8,6 +8,7 @@ import os
 import re
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -134,6 +135,52 @@ def test_a_source_that_is_not_tracked_to_its_end_is_no_success(
     assert {path.name for path in tmp_path.glob("out/*")} == left
 
 
+def small(path: Path) -> None:
+    cv2.imwrite(str(path), np.zeros((24, 32, 3), np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("spoil", "told"),
+    [
+        (lambda path: path.write_bytes(b"no picture"), "cannot be read as an image"),
+        (small, "got 32×24 px"),
+    ],
+)
+def test_pictures_before_one_that_is_none_are_tracked(
+    spoil: Callable[[Path], object],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for i in range(12):
+        cv2.imwrite(f"{i}.png", np.zeros((480, 640, 3), np.uint8))
+    spoil(Path("7.png"))
+    words = ["track", ".", "--calibration", str(CALIBRATION), "--out", "out"]
+    assert main(words) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"ttwmr: 7.png: {told}")
+    assert error.endswith("ended before it, after 7 of 12 pictures; what was tracked is in out\n")
+    assert pq.read_table("out/poses.parquet").num_rows == 7
+    assert main([*words, "--frames", "7", "--force"]) == 0
+    assert "tracked in 0\nno robot: are the pictures in colour" in capsys.readouterr().out
+
+
+def test_a_picture_that_is_missing_is_told_before_any_is_tracked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("images").mkdir()
+    for i in (0, 1):
+        cv2.imwrite(f"images/{i}.png", np.zeros((480, 640, 3), np.uint8))
+    listed = [{"file_name": f"{i}.png", "time_s": i / 30.0} for i in range(3)]
+    Path("annotations.json").write_text(json.dumps({"images": listed}))
+    assert main(["track", ".", "--calibration", str(CALIBRATION), "--out", "out"]) == 2
+    assert "images/2.png: no picture file of this name" in capsys.readouterr().err
+    assert not Path("out").exists()
+
+
 @pytest.mark.slow
 def test_a_video_that_is_cut_off_is_no_success(
     video: tuple[Path, Trajectory], tmp_path: Path
@@ -143,10 +190,10 @@ def test_a_video_that_is_cut_off_is_no_success(
     words = ["track", "half.avi", "--calibration", str(CALIBRATION), "--out", "out"]
     done = ttwmr(*words, cwd=tmp_path)
     assert done.returncode == 1
-    said = re.search(r"ended after (\d+) of (\d+) frames", done.stderr)
+    said = re.search(r"ended after (\d+) frames, (.*) of (.*) s: damaged or cut off", done.stderr)
     assert said is not None, done.stderr
-    count, promised = map(int, said.groups())
-    assert 0 < count < promised
+    count, until_s, whole_s = map(float, said.groups())
+    assert 0.0 < until_s < whole_s
     assert pq.read_table(tmp_path / "out" / "poses.parquet").num_rows == count
     assert ttwmr(*words, "--frames", "2", "--force", cwd=tmp_path).returncode == 0
 

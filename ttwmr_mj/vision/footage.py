@@ -4,22 +4,22 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import cv2
 import numpy as np
 from pydantic import BaseModel, FailFast, Field, ValidationError
 
-from ttwmr_mj.errors import Fault, InputError, Keys
+from ttwmr_mj.errors import Fault, InputError, Keys, RunError
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
-from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture
+from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, refuse_missing
 from ttwmr_mj.vision.quiet import quiet
 
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
 MOST_RATE_HZ = 1e5  # no camera's: a damaged header's
 MOST_S = 1e6  # eleven days
-MISCOUNTED = 0.05
+MISCOUNTED = 0.05  # of a video's frames and of its length: containers round
 MOST_BYTES = 100_000_000  # of annotations: those of 50,000 frames
 
 
@@ -36,20 +36,11 @@ class _Annotations(BaseModel):
     images: Annotated[list[_Picture], FailFast()]  # of a damaged one not a million faults
 
 
-class Footage(NamedTuple):
-    """What a source holds."""
-
-    frames: Iterator[Frame]
-    promised: int  # how many there should be; 0: the source does not say
-
-    def is_cut_off(self, count: int) -> bool:
-        """Whether frames are missing at the end; containers miscount by a few."""
-        return count < (1.0 - MISCOUNTED) * self.promised - 1.0
-
-
 @contextmanager
-def open_footage(source: str, camera: CameraModel) -> Iterator[Footage]:
+def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
     """The frames of a source; the calibration must fit them.
+
+    Where they break off before the source's end, they raise a RunError that says why.
 
     Args:
         source: a video file; a folder of pictures, that of `--save-frames` with their times, any
@@ -57,10 +48,11 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Footage]:
         camera: as it was calibrated.
 
     Raises:
-        InputError: it cannot be opened, or has another resolution than the calibrated camera.
+        InputError: it cannot be opened, or has another resolution than the calibrated camera; from
+            the frames, too, where there is no first one to be had.
     """
     if Path(source).is_dir():
-        yield Footage(_pictures(Path(source), camera), 0)
+        yield _pictures(Path(source), camera)
         return
     if not source.isdecimal() and not Path(source).is_file():
         missing = Fault(
@@ -81,8 +73,7 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Footage]:
         width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
         _refuse_unlike(width, height, camera, source)
-        promised = stream.get(cv2.CAP_PROP_FRAME_COUNT)
-        yield Footage(_frames(stream), int(promised) if 0 < promised < MOST_RATE_HZ * MOST_S else 0)
+        yield _frames(stream, source)
     finally:
         stream.release()
 
@@ -97,29 +88,45 @@ def _refuse_unlike(width: int, height: int, camera: CameraModel, file: str) -> N
         raise InputError(unlike, file=file)
 
 
-def _frames(stream: cv2.VideoCapture) -> Iterator[Frame]:
+def _frames(stream: cv2.VideoCapture, source: str) -> Iterator[Frame]:
     """A stream's frames until one cannot be read; the first is at time zero.
 
     Each is at the time that the stream tells of it, which need not be evenly spaced; where it tells
     none, or one that does not follow the last, as long after the last as its rate says.
+
+    Raises:
+        RunError: that was not the end.
     """
     rate = stream.get(cv2.CAP_PROP_FPS)
     period_s = 1.0 / (rate if 0 < rate <= MOST_RATE_HZ else DEFAULT_RATE_HZ)
-    time_s, start_s = -period_s, None
+    promised = stream.get(cv2.CAP_PROP_FRAME_COUNT)
+    promised = promised if 0 < promised < MOST_RATE_HZ * MOST_S else 0.0
+    time_s, start_s, count = -period_s, None, 0
     while True:
         with quiet():
             readable, image = stream.read()
             told_s = 1e-3 * stream.get(cv2.CAP_PROP_POS_MSEC)
         if not readable:
-            return
+            break
         start_s = told_s if start_s is None else start_s
         after_s = told_s - start_s - time_s
         time_s += after_s if 1.0 / MOST_RATE_HZ <= after_s <= MOST_S else period_s
+        count += 1
         yield Frame(np.asarray(image, dtype=np.uint8), time_s, truth=None)
+    # of uneven rate there are fewer frames than many containers promise, but not less time
+    reached = max(count, time_s / period_s + 1.0)
+    if count and reached < (1.0 - MISCOUNTED) * promised - 1.0:
+        ends = f"{time_s + period_s:.1f} of {promised * period_s:.1f} s"
+        raise RunError(f"{source}: ended after {count} frames, {ends}: damaged or cut off")
 
 
 def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:
-    """A folder's pictures, each at its time."""
+    """A folder's pictures, each at its time.
+
+    Raises:
+        InputError: one is missing, or the first is none, or of another size.
+        RunError: so is one after it.
+    """
     annotations = folder / "annotations.json"
     if annotations.exists():
         listed = _read_annotations(annotations)
@@ -129,9 +136,18 @@ def _pictures(folder: Path, camera: CameraModel) -> Iterator[Frame]:
         if not timed:
             empty = Fault(problem="no picture in this folder", allowed=", ".join(SUFFIXES))
             raise InputError(empty, file=str(folder))
-    for path, time_s in timed:
-        image = read_picture(path)
-        _refuse_unlike(image.shape[1], image.shape[0], camera, str(path))
+    for path, _ in timed:  # before hours of work
+        refuse_missing(path)
+    for i, (path, time_s) in enumerate(timed):
+        try:
+            image = read_picture(path)
+            _refuse_unlike(image.shape[1], image.shape[0], camera, str(path))
+        except InputError as error:
+            if i == 0:
+                raise
+            raise RunError(
+                f"{error}; ended before it, after {i} of {len(timed)} pictures"
+            ) from error
         yield Frame(image, time_s, truth=None)
 
 

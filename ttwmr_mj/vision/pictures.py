@@ -35,8 +35,7 @@ def read_picture(path: Path) -> Image:
     Raises:
         InputError: it is missing, or cannot be read as a picture of reasonable size.
     """
-    if not path.is_file():  # a pipe would never end
-        raise InputError(Fault(problem="no picture file of this name"), file=str(path))
+    refuse_missing(path)
     image = _read(path)
     if image is None:
         unreadable = Fault(
@@ -44,6 +43,12 @@ def read_picture(path: Path) -> Image:
         )
         raise InputError(unreadable, file=str(path))
     return np.asarray(image, dtype=np.uint8)
+
+
+def refuse_missing(path: Path) -> None:
+    """Raise an InputError where no file has this name; a pipe, which would never end, is none."""
+    if not path.is_file():
+        raise InputError(Fault(problem="no picture file of this name"), file=str(path))
 
 
 def size_px(image: Image) -> str:

@@ -47,5 +47,10 @@ class TrackCommand(NewFolder, Live, name="track"):
                 print(done.folder)
             else:
                 print(f"{done.frames} frames, robot tracked in {done.tracked}")
+                if not done.tracked:
+                    print(
+                        "no robot: are the pictures in colour, and --calibration and --scenario "
+                        "those of them?"
+                    )
                 print(where_it_is("written to", done.folder))
         return 0

@@ -1,7 +1,7 @@
 """What `ttwmr track` does: from a video or camera to poses.parquet and track.rrd."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -65,7 +65,7 @@ def track(
 
     Raises:
         InputError: the video or the calibration cannot be used.
-        RunError: the video ends early; what there is of it is tracked.
+        RunError: the source breaks off before its end; what there is of it is tracked.
         KeyboardInterrupt: it was stopped; the frames until then are tracked. A camera's stream ends
             so, without an error.
     """
@@ -76,13 +76,14 @@ def track(
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
     stopped, pace = False, pace or Pace()
+    faults: list[RunError] = []
     batch = BATCH if live is None else LIVE_BATCH
     with (
-        open_footage(source, camera) as footage,
+        open_footage(source, camera) as frames,
         TrackRecorder(folder / "track.rrd", source, camera, layout, live) as recorder,
     ):
-        frames = islice(footage.frames, max_frames)
-        wanted = (frame for frame in frames if pace.hold(frame.time_s))
+        whole = islice(_until(faults, frames), max_frames)
+        wanted = (frame for frame in whole if pace.hold(frame.time_s))
         try:
             while records := [_tracked(tracker, frame) for frame in islice(wanted, batch)]:
                 recorder.append(records)
@@ -92,11 +93,17 @@ def track(
         except KeyboardInterrupt:
             stopped = True
     done = _kept(rows, folder, source, stopped)
-    if max_frames is None and not stopped and footage.is_cut_off(done.frames):
-        count = f"{done.frames} of {footage.promised} frames"
-        problem = f"ended after {count}, damaged or cut off; what was tracked is in {folder}"
-        raise RunError(f"{source}: {problem}")
+    if faults:
+        raise RunError(f"{faults[0]}; what was tracked is in {folder}") from faults[0]
     return done
+
+
+def _until(faults: list[RunError], frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Frames until they break off, and then why: what was read before is tracked to its end."""
+    try:
+        yield from frames
+    except RunError as fault:
+        faults.append(fault)
 
 
 def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: bool) -> Track:
