@@ -130,6 +130,7 @@ def test_pictures_that_show_too_little_of_the_board_are_named(
         folder = tmp_path / "shots" / ("held" if i <= len(held) else "origin")
         folder.mkdir(parents=True, exist_ok=True)
         cv2.imwrite(str(folder / f"{i}.png"), np.full((480, 640, 3), i, np.uint8))
+    (tmp_path / "shots" / "held" / "._3.png").write_bytes(b"of a Mac")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(
         "ttwmr_mj.studies.calibrate.find_board", lambda image: shown[int(image[0, 0, 0])]

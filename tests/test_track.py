@@ -157,6 +157,7 @@ def test_pictures_before_one_that_is_none_are_tracked(
     for i in range(12):
         cv2.imwrite(f"{i}.png", np.zeros((480, 640, 3), np.uint8))
     spoil(Path("7.png"))
+    Path("._7.png").write_bytes(b"of a Mac")
     words = ["track", ".", "--calibration", str(CALIBRATION), "--out", "out"]
     assert main(words) == 1
     error = capsys.readouterr().err

@@ -18,8 +18,11 @@ SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
 def picture_files(folder: Path) -> list[Path]:
-    """The pictures in a folder, by name, 2.png before 10.png; none where it is absent."""
-    found = [path for path in folder.glob("*") if path.suffix.lower() in SUFFIXES]
+    """The pictures in a folder, by name, 2.png before 10.png; none where it is absent.
+
+    Hidden files are left out: macOS puts a ._2.png beside 2.png that is no picture.
+    """
+    found = [path for path in folder.glob("[!.]*") if path.suffix.lower() in SUFFIXES]
     return sorted(found, key=lambda path: (_numbered(path.name), path.name))
 
 
