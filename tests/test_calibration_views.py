@@ -7,13 +7,15 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pytest
+from PIL import Image as Pillow
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.calibration.board import BoardView
+from ttwmr_mj.vision.calibration.board import BoardView, find_board
 from ttwmr_mj.vision.calibration.calibrate import Calibration, _held_poses, calibrate
 from ttwmr_mj.vision.calibration.floor import Pose, flat_pose, rotation
 from ttwmr_mj.vision.camera.model import CameraModel
+from ttwmr_mj.vision.pictures import SUFFIXES, read_picture
 
 CAMERA = CameraModel(
     width_px=640,
@@ -118,6 +120,25 @@ def test_a_picture_that_contradicts_the_others_is_named(
 ) -> None:
     with pytest.raises(InputError, match=f"contradict each other.* agree without {named};"):
         calibrated(held_poses(), origin, flat)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_the_board_is_printed_at_its_true_size(
+    suffix: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / f"board{suffix}"
+    assert main(["calibrate", "--board", str(path)]) == 0
+    assert "on A2 or larger, and measure a square: it must be 80 mm" in capsys.readouterr().out
+    with Pillow.open(path) as sheet:
+        per_metre = np.array(sheet.info["dpi"], dtype=np.float64) / 0.0254
+        # 0.594 m × 0.42 m is A2
+        assert (np.array(sheet.size) / per_metre <= [0.594, 0.4201]).all()
+    view = find_board(read_picture(path))
+    assert view is not None
+    assert len(view.pixels) == 24
+    size_px, size_m = np.ptp(view.pixels, axis=0), np.ptp(view.points_m, axis=0)
+    # BMP has whole pixels to a metre, and JPEG its noise
+    assert size_px / per_metre == pytest.approx(size_m, rel=1e-5)
 
 
 def test_pictures_that_show_too_little_of_the_board_are_named(

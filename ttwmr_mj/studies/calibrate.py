@@ -1,14 +1,13 @@
 """What `ttwmr calibrate` does: a board shown to a simulated or a real camera."""
 
+from io import BytesIO
 from pathlib import Path
-
-import cv2
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_bytes
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.vision.calibration.board import board_print, find_board
+from ttwmr_mj.vision.calibration.board import SHEET_DPI, board_sheet, find_board
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate, calibrate_virtual
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
@@ -73,7 +72,7 @@ def calibrate_from_images(folder: Path) -> tuple[Calibration, list[Path]]:
 
 
 def write_board(path: Path) -> None:
-    """Write the board as a picture to print.
+    """Write the board as a picture that knows how large it is to be printed.
 
     Raises:
         InputError: no such format.
@@ -82,8 +81,12 @@ def write_board(path: Path) -> None:
     if path.suffix.lower() not in SUFFIXES:
         allowed = f"a file that ends in {', '.join(SUFFIXES)}"
         raise InputError.at("--board", got=str(path), allowed=allowed)
-    _, content = cv2.imencode(path.suffix, board_print())
-    write_bytes(path, content.tobytes())
+    from PIL import Image as Pillow
+
+    content, sheet = BytesIO(), Pillow.fromarray(board_sheet())
+    kind = Pillow.registered_extensions()[path.suffix.lower()]
+    sheet.save(content, kind, dpi=(SHEET_DPI, SHEET_DPI), quality=95)
+    write_bytes(path, content.getvalue())
 
 
 def _pictures(folder: Path) -> dict[Path, Image]:

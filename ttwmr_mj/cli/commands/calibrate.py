@@ -16,7 +16,10 @@ class Calibrate(Overrides, name="calibrate"):
     images: Path | None = option(
         "use a real camera's pictures in DIR/held, DIR/origin and DIR/flat instead", metavar="DIR"
     )
-    board: Path | None = option("only write the board as an image to print", metavar="PNG")
+    board: Path | None = option(
+        "only write the board as an image, to print at true size on A2: a square is 80 mm wide",
+        metavar="PNG",
+    )
     out: Path = option("file for the calibration", OUT, metavar="YAML")
     force: bool = option("replace a file that is there")
 
@@ -26,6 +29,7 @@ class Calibrate(Overrides, name="calibrate"):
             calibrate_scenario,
             write_board,
         )
+        from ttwmr_mj.vision.calibration.board import SQUARE_M
         from ttwmr_mj.vision.calibration.file import save_calibration
 
         if self.board is not None:
@@ -33,6 +37,10 @@ class Calibrate(Overrides, name="calibrate"):
             self._refuse_beside("--board", files | self._of_scenario())
             self._refuse_to_replace("--board", self.board)
             write_board(self.board)
+            print(
+                f"written to {self.board}\nprint it at 100 %, on A2 or larger, and measure a "
+                f"square: it must be {1e3 * SQUARE_M:.0f} mm wide"
+            )
             return 0
         self._refuse_to_replace("--out", self.out)
         if self.images is not None:

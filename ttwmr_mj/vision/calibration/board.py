@@ -22,6 +22,9 @@ SQUARE_M = 0.08
 MARKER_M = 0.06
 THICKNESS_M = 0.003
 TEXTURE_PX = 160  # of one square, six times what a camera at 1.9 m sees of it
+INCH_M = 0.0254
+SHEET_DPI = 127  # 400 px to a square: a whole number, as formats have it
+MARGIN_M = 0.01  # so that the sheet is as wide as A2 is, and not as long
 PAPER_WHITE = 0.7  # under the lamps this does not saturate
 HIDDEN_GROUP = 5  # of geoms that nothing draws
 REFINEMENT_REACH_PX = 2  # twice a rough corner's error, with room
@@ -126,10 +129,21 @@ def _board() -> cv2.aruco.CharucoBoard:
     return cv2.aruco.CharucoBoard(SQUARES, SQUARE_M, MARKER_M, dictionary)
 
 
-def board_print() -> NDArray[np.uint8]:
+def board_print(square_px: int = TEXTURE_PX) -> NDArray[np.uint8]:
     """The board as it is printed, (rows, columns) grey, without margin."""
-    size = (SQUARES[0] * TEXTURE_PX, SQUARES[1] * TEXTURE_PX)
+    size = (SQUARES[0] * square_px, SQUARES[1] * square_px)
     return np.asarray(_board().generateImage(size, marginSize=0))
+
+
+def board_sheet() -> NDArray[np.uint8]:
+    """The board to print at `SHEET_DPI`, (rows, columns) grey; its margin says how large it is."""
+    ink = board_print(round(SQUARE_M / INCH_M * SHEET_DPI))
+    margin = round(MARGIN_M / INCH_M * SHEET_DPI)
+    sheet = np.pad(ink, margin, constant_values=255)
+    text = f"Print at 100 %: a square is {1e3 * SQUARE_M:.0f} mm wide. Measure one."
+    below = (margin, len(sheet) - margin // 4)
+    cv2.putText(sheet, text, below, cv2.FONT_HERSHEY_SIMPLEX, 0.9, 0, 2, cv2.LINE_AA)
+    return sheet
 
 
 def _board_model() -> mujoco.MjModel:
