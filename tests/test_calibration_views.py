@@ -141,6 +141,18 @@ def test_the_board_is_printed_at_its_true_size(
     assert size_px / per_metre == pytest.approx(size_m, rel=1e-5)
 
 
+def test_pictures_of_the_origin_that_all_contradict_are_named() -> None:
+    """As are blurred ones; then there is nothing to agree with."""
+    held, origin = seen(held_poses(), "held", 1), seen(ORIGIN, "origin", 2)
+    rng = np.random.default_rng(5)
+    blurred = [
+        view._replace(pixels=view.pixels + rng.normal(0.0, 5.0, view.pixels.shape))
+        for view in origin
+    ]
+    with pytest.raises(InputError, match=r"none agrees with the rest; allowed"):
+        calibrate(held, blurred, [], CAMERA.width_px, CAMERA.height_px)
+
+
 def test_pictures_that_show_too_little_of_the_board_are_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

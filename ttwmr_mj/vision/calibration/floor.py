@@ -49,10 +49,12 @@ def place(inner: CameraModel, lying: list[Lying], rms_px: float) -> tuple[Camera
         return camera, rms
     unlike = _unlike(inner, lying, most_px)
     names = ", ".join(one.view.picture or "a view" for one in unlike)
+    others = (
+        "none agrees with the rest" if len(unlike) == len(lying) else f"they agree without {names}"
+    )
     raise InputError.at(
         "calibration",
-        f"the pictures of the floor contradict each other, one by {misfit.max():.1f} px; they "
-        f"agree without {names}",
+        f"the pictures of the floor contradict each other, one by {misfit.max():.1f} px; {others}",
         allowed=f"at most {most_px:.1f} px",
         hint="in origin/ it lies at one place, turned one way, and in flat/ flat on the floor; "
         "take the picture again, or move it to held/",
@@ -65,6 +67,8 @@ def _unlike(inner: CameraModel, lying: list[Lying], most_px: float) -> list[Lyin
     while _solved(inner, left)[2].max() > most_px:
         rests = [[*left[:i], *left[i + 1 :]] for i in range(len(left))]
         rests = [rest for rest in rests if any(one.at_origin for one in rest)]
+        if not rests:  # not even a single one is what a board would look like
+            return lying
         best = min(rests, key=lambda rest: _solved(inner, rest)[1])
         out += [one for one in left if all(one is not other for other in best)]
         left = best
