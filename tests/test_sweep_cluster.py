@@ -96,15 +96,15 @@ def test_nobody_answers(plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPa
         fill(plan, tmp_path / "out", on_cluster(address))
 
 
-@pytest.mark.parametrize("address", ["nope", "head:8786", "tcp://head", "tcp://:x"])
+@pytest.mark.parametrize(
+    "address", ["", "nope", "head:8786", "tcp://head", "tcp://:x", "http://head:8786"]
+)
 def test_what_is_no_address_is_told_before_anything_is_made(
     address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     words = ["sweep", written(tmp_path, SMALL), "--out", str(tmp_path / "out")]
     assert main([*words, f"--scheduler={address}"]) == 2
-    said = (
-        f"--scheduler: got {address!r}; allowed: protocol, host and port, such as tcp://head:8786"
-    )
+    said = f"--scheduler: got {address!r}; allowed: protocol (tcp, tls, ws, wss), host and port, su"
     assert said in capsys.readouterr().err
     assert not (tmp_path / "out").exists()
 

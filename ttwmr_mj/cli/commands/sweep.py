@@ -170,7 +170,7 @@ class Sweep(Quiet, name="sweep"):
             return fill(plan, folder, compute, part=part, chunk=self.chunk, told=told, warn=warn)
 
     def _compute(self) -> Compute:
-        if self.scheduler:
+        if self.scheduler is not None:
             from ttwmr_mj.studies.sweep.cluster import on_cluster
 
             return on_cluster(self.scheduler)

@@ -23,7 +23,8 @@ from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 AHEAD = 2  # chunks that each processor of the cluster has waiting or under way
 CONNECT_S = 30.0
-ADDRESS = re.compile(r"[a-z+]+://[^/\s]+:\d+/?")
+# Dask waits a minute to give up a protocol that it does not know
+ADDRESS = re.compile(r"(tcp|tls|ws|wss)://[^/\s]+:\d+/?")
 DEATHS = 3  # workers that may die at a chunk before the chunk is to blame
 HINT = "pip install 'ttwmr-mj[cluster]', on this machine and on every worker"
 
@@ -36,7 +37,7 @@ def on_cluster(address: str) -> Compute:
         MachineError: dask.distributed is not installed, or nothing answers.
     """
     if not ADDRESS.fullmatch(address):
-        allowed = "protocol, host and port, such as tcp://head:8786"
+        allowed = "protocol (tcp, tls, ws, wss), host and port, such as tcp://head:8786"
         raise InputError.at("--scheduler", got=repr(address), allowed=allowed)
 
     def compute(plan: Plan, chunks: Iterable[IntArray]) -> Generator[Outcome, None, None]:
