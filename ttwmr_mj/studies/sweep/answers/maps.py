@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.figures.scales import heat, is_wide, plain_log
-from ttwmr_mj.studies.sweep.answers.words import number, parameter_label
+from ttwmr_mj.studies.sweep.answers.words import number, numbers, parameter_label
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -90,7 +90,5 @@ def _ticks(axes: Axes, across: Slicing, up: Slicing) -> None:
             places = np.arange(len(slicing.labels))[::every]
             axis.set_ticks(places + 0.5, [slicing.labels[i] for i in places])
         else:
-            axis.set_ticks(
-                np.arange(1, len(slicing.labels)), [number(edge) for edge in slicing.edges]
-            )
+            axis.set_ticks(np.arange(1, len(slicing.labels)), numbers(slicing.edges.tolist()))
     axes.tick_params(axis="x", labelrotation=30)

@@ -10,7 +10,7 @@ import numpy as np
 
 from ttwmr_mj.results.statistics import Interval, quantile, share
 from ttwmr_mj.studies.sweep.answers.read import Axis, Sweep
-from ttwmr_mj.studies.sweep.answers.words import number
+from ttwmr_mj.studies.sweep.answers.words import numbers
 
 MOST_VALUES = 24  # that are shown one by one
 BINS = 10
@@ -47,13 +47,13 @@ class Slicing:
             return cls(axis, labels, places, np.zeros(0), values)
         if len(distinct) <= MOST_VALUES:
             found = distinct.tolist()
-            return cls(axis, [number(v) for v in found], found, np.zeros(0), found)
+            return cls(axis, numbers(found), found, np.zeros(0), found)
         count = int(np.clip(len(column) // max(1, len(sweep.variants)) // FEWEST, 2, bins))
         edges = np.quantile(column, np.linspace(0.0, 1.0, count + 1))[1:-1]
         which = np.searchsorted(edges, column, side="right")
         places = [float(np.median(column[which == i])) for i in range(count)]
-        ends = [column.min(), *edges, column.max()]
-        labels = [f"{number(a)} … {number(b)}" for a, b in itertools.pairwise(ends)]
+        ends = numbers([column.min(), *edges, column.max()])
+        labels = [f"{a} … {b}" for a, b in itertools.pairwise(ends)]
         return cls(axis, labels, places, edges, [])
 
     @property

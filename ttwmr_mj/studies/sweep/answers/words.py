@@ -1,6 +1,7 @@
 """Numbers, metrics and parameters in words, with units that read well."""
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from ttwmr_mj.results.statistics import Interval
@@ -83,7 +84,18 @@ def interval_cell(found: Interval) -> Cell:
     return number(found.value), found.value if math.isfinite(found.value) else math.inf, ends
 
 
-def number(value: float) -> str:
+def numbers(values: Sequence[float]) -> list[str]:
+    """Those of a scale: with more than three digits where fewer would not tell them apart."""
+    rounding = 1e-12 * max(map(abs, values), default=0.0)
+    shown = [0.0 if abs(value) < rounding else value for value in values]
+    for digits in range(3, 18):
+        told = [number(value, digits) for value in shown]
+        if len(set(told)) == len(set(shown)):
+            break
+    return told
+
+
+def number(value: float, digits: int = 3) -> str:
     """Three digits; ∞ for what has no number, – for what is undefined."""
     if math.isnan(value):
         return "–"
@@ -91,7 +103,7 @@ def number(value: float) -> str:
         return "∞" if value > 0 else "−∞"
     if value == 0.0:
         return "0"
-    text = f"{value:.3g}"
+    text = f"{value:.{digits}g}"
     if "e" in text and 1e-4 <= abs(value) < 1e6:
         text = f"{value:.0f}"
     return text.replace("-", "−")
