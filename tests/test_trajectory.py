@@ -11,7 +11,7 @@ import pytest
 from trajectories import different
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.parquet import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario

@@ -12,17 +12,13 @@ import tempfile
 import tomllib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
-from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import AfterValidator, ValidationInfo
 
 from ttwmr_mj.deadline import step
 from ttwmr_mj.errors import Fault, InputError, MachineError, cut, require, shown
-
-if TYPE_CHECKING:
-    import pyarrow as pa
 
 MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
 MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
@@ -253,19 +249,6 @@ def write_bytes(path: Path, content: bytes) -> None:
 def write_json(path: Path, value: Any) -> None:
     """Write JSON; a NaN or infinity in it is a programming error and raises ValueError."""
     write_text(path, _dumps(value, indent=2, allow_nan=False) + "\n")
-
-
-def write_parquet(tables: pa.Table | Iterable[pa.Table], path: Path) -> None:
-    """Write a table, or successive pieces of one; the file appears whole or not at all."""
-    import pyarrow as pa
-    import pyarrow.parquet as pq
-
-    pieces = iter([tables] if isinstance(tables, pa.Table) else tables)
-    first = next(pieces)
-    with written(path) as temporary, pq.ParquetWriter(temporary, first.schema) as file:
-        for piece in chain([first], pieces):
-            file.write_table(piece)
-            step()
 
 
 @contextmanager

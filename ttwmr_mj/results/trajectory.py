@@ -13,7 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError, MachineError, of_system, require_whole
-from ttwmr_mj.files import named, no_device, write_parquet
+from ttwmr_mj.files import named
+from ttwmr_mj.results.parquet import read_parquet, write_parquet
 from ttwmr_mj.state import ArrayFields, BoolArray, FloatArray, RobotState
 
 if TYPE_CHECKING:
@@ -164,16 +165,11 @@ class Trajectory(ArrayFields):
         Raises:
             InputError: the file is missing, is no Parquet file, or lacks a column.
         """
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
         path = named("path", path)
         try:
-            no_device(path)
-            with path.open("rb") as file:  # by its name alone, s3:/x would be looked up elsewhere
-                table = pq.read_table(file)
-        except (OSError, ValueError, pa.ArrowException) as error:
-            reason = of_system(error) if isinstance(error, OSError) else str(error).splitlines()[0]
+            table = read_parquet(path)
+        except (OSError, ValueError) as error:
+            reason = of_system(error) if isinstance(error, OSError) else str(error)
             raise InputError(f"cannot be read as a trajectory: {reason}", file=str(path)) from error
         return cls.of_table(table, str(path))
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ttwmr_mj.files import write_parquet
+from ttwmr_mj.results.parquet import write_parquet
 from ttwmr_mj.results.trajectory import Trajectory, physics_rate_table
 from ttwmr_mj.runs.closed_loop.loop import Outcome
 from ttwmr_mj.runs.closed_loop.pace import Pace

@@ -61,7 +61,9 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         )
         raise InputError(missing, file=source)
     with quiet():
-        stream = cv2.VideoCapture(int(source) if source.isdecimal() else source)
+        # in full: OpenCV takes what stands before a colon for a network's protocol
+        name = int(source) if source.isdecimal() else str(Path(source).absolute())
+        stream = cv2.VideoCapture(name)
     try:
         if not stream.isOpened():
             unreadable = Fault(

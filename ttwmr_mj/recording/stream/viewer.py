@@ -236,4 +236,5 @@ def open_window(given: Path | None) -> int:
     recording = find_recording(given)
     if display() is None:
         raise MachineError(f"no display to show {recording} on; {NO_DISPLAY_HINT}")
-    return subprocess.run([*window().command, str(recording)], check=False).returncode
+    name = str(recording.absolute())  # in full it is no address and no option to the viewer
+    return subprocess.run([*window().command, name], check=False).returncode

@@ -72,9 +72,10 @@ def write_video(path: Path, frames: Iterable[Image], size_px: tuple[int, int], f
         error.filename = str(path)  # the name that its user knows
         raise
     with beside as folder:
-        made = Path(folder) / f"film{suffix}"
+        inside = Path(folder).absolute()  # ffmpeg takes what stands before a colon for a protocol
+        made = inside / f"film{suffix}"
         if suffix == ".gif":
-            source = Path(folder) / "film.mkv"
+            source = inside / "film.mkv"
             _encode(source, frames, size_px, fps, GIF_SOURCE)
             _to_gif(source, made)
         else:

@@ -4,7 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from ttwmr_mj.errors import in_markdown, printable
-from ttwmr_mj.files import write_parquet, write_text
+from ttwmr_mj.files import write_text
+from ttwmr_mj.results.parquet import write_parquet
 from ttwmr_mj.results.statistics import LEVEL, share
 from ttwmr_mj.studies.bench.evidence import SIGNIFICANCE
 from ttwmr_mj.studies.bench.lines import COLUMNS, RANKED_BY, Line

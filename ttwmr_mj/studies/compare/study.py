@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from ttwmr_mj.errors import Fault, InputError
-from ttwmr_mj.files import write_json, write_parquet, write_text
+from ttwmr_mj.files import write_json, write_text
+from ttwmr_mj.results.parquet import write_parquet
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.files.folder import write_manifest, write_resolved
 from ttwmr_mj.scenario.checks import check

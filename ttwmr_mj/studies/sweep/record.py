@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.results.parquet import read_parquet
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.pool.jobs import Failed, run_jobs
@@ -51,7 +51,7 @@ def rows_to_record(plan: Plan, folder: Path, wish: Wish) -> list[int]:
 
     Rows without the headline metric are worse than all that have it.
     """
-    table = pq.read_table(folder / RESULTS_FILE, columns=["row", "verdict", plan.metric])
+    table = read_parquet(folder / RESULTS_FILE, ["row", "verdict", plan.metric])
     if wish.which == "failed":
         failed = table.filter(pc.invert(pc.is_in(table["verdict"], pa.array(SUCCESSES))))
         return [int(row) for row in failed["row"].to_pylist()[: wish.count]]

@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError, RunError
-from ttwmr_mj.files import write_parquet
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.recording.stream.live import LiveView
+from ttwmr_mj.results.parquet import write_parquet
 from ttwmr_mj.results.trajectory import q_names, rate_names
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.closed_loop.pace import Pace

@@ -11,6 +11,7 @@ import numpy as np
 
 from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.parquet import read_parquet
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -33,10 +34,8 @@ class Sweep:
     @classmethod
     def read(cls, folder: Path) -> Sweep:
         """What a sweep left in its folder."""
-        import pyarrow.parquet as pq
-
         plan = read_json(folder / "plan.json")
-        read = pq.read_table(folder / "results.parquet")
+        read = read_parquet(folder / "results.parquet")
         return cls(plan, {name: read[name].to_numpy() for name in read.column_names})
 
     @cached_property

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import no_device, remove
+from ttwmr_mj.files import remove
+from ttwmr_mj.results.parquet import parquet_file
 from ttwmr_mj.studies.pool.limits import has_more_time
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
@@ -63,8 +63,7 @@ def _is_sound(shard: Shard, plan: Plan) -> bool:
 
 def _holds_all(path: Path, plan: Plan) -> bool:
     try:
-        no_device(path)
-        with pq.ParquetFile(path) as file:
+        with parquet_file(path) as file:
             rows = [
                 file.read_row_group(i, columns=["row"])["row"].to_numpy()
                 for i in range(file.num_row_groups)

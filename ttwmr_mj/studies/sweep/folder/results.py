@@ -7,9 +7,8 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 
-from ttwmr_mj.files import written
+from ttwmr_mj.results.parquet import parquet_writer
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.shards import Shard, shards_in
@@ -23,7 +22,7 @@ GROUP = 65_536  # rows in memory at a time, and in a row group of the file
 def assemble(folder: Path, plan: Plan) -> None:
     """Write results.parquet from shards that hold every row, some perhaps twice."""
     path, shards = folder / RESULTS_FILE, shards_in(folder, plan)
-    with written(path) as temporary, pq.ParquetWriter(temporary, schema_of(plan)) as writer:
+    with parquet_writer(path, schema_of(plan)) as writer:
         for start in range(0, plan.rows, GROUP):
             writer.write_table(_window(shards, start, min(start + GROUP, plan.rows)), GROUP)
 

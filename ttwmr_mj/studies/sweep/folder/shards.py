@@ -20,8 +20,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import delete_drafts, no_device, written
+from ttwmr_mj.errors import InputError, refused
+from ttwmr_mj.files import delete_drafts, written
+from ttwmr_mj.results.parquet import read_parquet
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
@@ -59,10 +60,10 @@ class Shard:
             InputError: the file is damaged.
         """
         try:
-            no_device(self.path)
-            return pq.read_table(self.path, columns=columns)
-        except (OSError, pa.ArrowException) as error:
-            problem = f"the file is damaged: {str(error).splitlines()[0]}"
+            return read_parquet(self.path, columns)
+        except (OSError, ValueError) as error:
+            why = refused(error) if isinstance(error, OSError) else str(error)
+            problem = f"the file is damaged: {why.splitlines()[0]}"
             hint = "delete it; the same command computes its rows again"
             raise InputError.at(str(self.path), problem, hint=hint) from error
 
