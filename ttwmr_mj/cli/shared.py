@@ -142,17 +142,20 @@ def where_it_is(what: str, folder: Path) -> str:
 
 @contextmanager
 def kept_in(folder: Path, what: Callable[[], str]) -> Iterator[None]:
-    """A study that goes on where it was stopped: Ctrl-C says so.
+    """A study that goes on where it was stopped: Ctrl-C says so, and so does a file that vanishes.
 
     Args:
         folder: of the study; named in the command that goes on.
         what: tells what is kept.
 
     Raises:
-        RunError: it was stopped.
+        RunError: it was stopped, or what it had written was removed.
     """
     try:
         yield
+    except FileNotFoundError as error:
+        gone = f"removed while the command ran: {of_system(error)}"
+        raise RunError(f"{gone}; the same command goes on") from error
     except KeyboardInterrupt:
         words = command_line()
         chosen = any(word == "--out" or word.startswith("--out=") for word in words)

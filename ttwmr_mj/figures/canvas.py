@@ -64,12 +64,12 @@ def save(figure: Figure, path: Path, dpi: float = DPI) -> Path:
 def write_figures(
     drawings: Mapping[str, Draw], folder: Path, title: str, size_in: tuple[float, float] = SIZE_IN
 ) -> list[Path]:
-    """Draw each as NAME.png and NAME.svg into a folder, made if missing; returns the files.
+    """Draw each as NAME.png and NAME.svg into a folder, made if it alone is missing; returns files.
 
     Raises:
         OSError: the folder or a file cannot be written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(exist_ok=True)
     written: list[Path] = []
     for name, draw in drawings.items():
         with canvas(size_in) as figure:

@@ -3,7 +3,7 @@
 import os
 import shlex
 from collections.abc import Callable, Generator, Iterable
-from contextlib import closing
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, get_args
 
@@ -30,6 +30,7 @@ BATCH = 16  # rows at once: what a kill may cost
 ENTRIES = ("ttwmr_mj.runs.many",)
 RUNS = "runs"  # where rows are
 ROW_FILE = "row.json"
+REMOVED = "its files were removed or changed while the suite ran"
 Progress = Callable[[float], None]
 
 
@@ -113,8 +114,8 @@ def run_suite(
         told: called before the first run with what no law can do, in lines.
 
     Returns:
-        Rows that were not run, for a reason that is the machine's, and that reason; the next call
-        tries them again.
+        Rows that were not run, or are not there any more, for a reason that is the machine's or
+        somebody else's, and that reason; the next call tries them again.
 
     Raises:
         InputError: some rows cannot run, or another process fills the folder; none was started.
@@ -142,11 +143,15 @@ def run_suite(
                         not_run[key] = failed.reason
                         (row_folder(rows[key], folder) / ROW_FILE).unlink(missing_ok=True)
                         continue
-                    _write_row(rows[key], folder, failed.reason if failed else "")
-                    kept[key].mark_done()
+                    with suppress(FileNotFoundError):  # removed meanwhile: see below
+                        _write_row(rows[key], folder, failed.reason if failed else "")
+                        kept[key].mark_done()
                 done += len(runs)
                 if progress is not None:
                     progress(float(done))
+        for key in rows.keys() - not_run.keys():
+            if not _is_done(rows[key], kept[key], folder, limit_s):
+                not_run[key] = REMOVED
     return {key: not_run[key] for key in rows if key in not_run}
 
 

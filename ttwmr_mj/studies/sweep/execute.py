@@ -10,12 +10,13 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 
+from ttwmr_mj.errors import RunError
 from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.state import BoolArray
 from ttwmr_mj.studies.sweep.compute import Compute, computed_shards
 from ttwmr_mj.studies.sweep.folder.mend import drop_late, mend
 from ttwmr_mj.studies.sweep.folder.part import Part
-from ttwmr_mj.studies.sweep.folder.plan_file import update_plan
+from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, update_plan, write_plan
 from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE, assemble, failures
 from ttwmr_mj.studies.sweep.folder.shards import drop_remains, rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -54,6 +55,7 @@ def fill(
 
     Raises:
         InputError: another process is at it.
+        RunError: somebody removed the folder, or rows that were done; another call goes on.
     """
     part = part or Part()
     with locked(folder, part.name):
@@ -66,7 +68,12 @@ def fill(
         done = rows_done(folder, plan)
         start, stop = part.rows(plan)
         _fill(plan, folder, compute, done[start:stop], start, chunk, told)
-        if rows_done(folder, plan).all():
+        done = rows_done(folder, plan)
+        if gone := int((~done[start:stop]).sum()):
+            rows = "1 row" if gone == 1 else f"{gone} rows"
+            raise _removed(f"{rows} of {stop - start} in {folder}, which were done")
+        _keep_plan(folder, plan)
+        if done.all():
             if not (folder / RESULTS_FILE).is_file():
                 assemble(folder, plan)
             return True
@@ -91,11 +98,24 @@ def _fill(
     chunks = _chunks(np.flatnonzero(~done) + start, chunk or chunk_size(plan, len(done)))
     with closing(computed_shards(plan, chunks, compute)) as shards:
         for shard in shards:
+            if not folder.is_dir():  # nor is the lock there, so that another process may fill it
+                raise _removed(str(folder))
+            _keep_plan(folder, plan)
             write_shard(folder, plan, shard.rows, shard.content)
             count += len(shard.rows)
             failed += failures(pq.read_table(io.BytesIO(shard.content), columns=["verdict"]))
             if told is not None:
                 told(count, failed)
+
+
+def _keep_plan(folder: Path, plan: Plan) -> None:
+    """Without its plan a folder of shards would be refused, as nobody's."""
+    if not (folder / PLAN_FILE).is_file():
+        write_plan(folder, plan)
+
+
+def _removed(what: str) -> RunError:
+    return RunError(f"removed while the sweep ran: {what}; the same command goes on")
 
 
 def _failures_before(folder: Path, plan: Plan) -> int:
