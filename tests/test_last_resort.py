@@ -6,11 +6,13 @@ import os
 import signal
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from sweeps import SMALL
 from ttwmr_mj.cli import last_resort
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import printable
@@ -63,6 +65,70 @@ def test_streams_and_words(line: str, code: int, told: str, tmp_path: Path) -> N
         assert told in one_line(done.stderr)
     else:
         assert done.stderr == ""
+
+
+@pytest.fixture
+def unread() -> Iterator[int]:
+    """A pipe whose reader has left."""
+    source, end = os.pipe()
+    os.close(source)
+    yield end
+    os.close(end)
+
+
+TALKS = """
+import sys
+from ttwmr_mj.cli.commands.doctor import Doctor
+from ttwmr_mj.cli.main import main
+from ttwmr_mj.errors import RunError
+
+def fails(self):
+    print("x" * 100_000)  # more than is kept until the end
+    raise RunError("the work went on")
+
+Doctor.__call__ = fails
+sys.argv[1:] = ["doctor"]
+sys.exit(main())
+"""
+
+
+def test_a_reader_that_leaves_changes_no_exit_code(unread: int) -> None:
+    command = [sys.executable, "-c", TALKS]
+    done = subprocess.run(command, stdout=unread, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (1, "ttwmr: the work went on\n")
+    assert subprocess.run(command, stdout=unread, stderr=unread, check=False).returncode == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "controller", ["", 'controller={kind="custom",target="misbehaving:Broken"}']
+)
+def test_a_verdict_decides_though_nobody_reads_it(
+    controller: str, tmp_path: Path, unread: int
+) -> None:
+    """One law is the user's, in a process that is watched, and would break at a later sample."""
+    words = "run lab_circle --require followed --out out --set plant.kind=analytic"
+    command = [*TTWMR, *words.split(), "--set", "duration_s=0.1", "--set", controller or "seed=1"]
+    done = subprocess.run(
+        command,
+        stdout=unread,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        env=os.environ | {"PYTHONPATH": str(Path(__file__).parent)},
+    )
+    assert done.returncode == 1
+    assert "was required to be 'followed' and is not" in one_line(done.stderr)
+
+
+@pytest.mark.slow
+def test_work_goes_on_though_nobody_hears_of_it(tmp_path: Path, unread: int) -> None:
+    (tmp_path / "mine.toml").write_text(SMALL)
+    command = [*TTWMR, "sweep", "mine.toml", "--out", "out"]
+    done = subprocess.run(command, stdout=unread, stderr=unread, check=False, cwd=tmp_path)
+    assert done.returncode == 0
+    assert (tmp_path / "out" / "report.html").is_file()
 
 
 @pytest.mark.slow

@@ -127,15 +127,16 @@ def no_device(path: Path) -> None:
 def written(path: Path) -> Iterator[Path]:
     """Where to write a file that appears whole or not at all; nothing is left of a failure.
 
-    A device, /dev/stdout, or a pipe that somebody reads is written to as it is; any other pipe, a
-    socket or a link to itself is replaced, as a file is.
+    A device, /dev/stdout, or a pipe that somebody reads is written to as it is, and a reader that
+    leaves is no failure; any other pipe, a socket or a link to itself is replaced, as a file is.
 
     Raises:
-        OSError: there is a folder; or nobody reads /dev/stdout.
+        OSError: there is a folder.
     """
-    with _lasting(path) as lasts:
-        if lasts:
-            yield path
+    with _lasting(path) as lasting:
+        if lasting is not None:
+            with suppress(BrokenPipeError):
+                yield lasting
             return
     if path.is_dir():
         raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
@@ -169,24 +170,25 @@ def drafts(name: str) -> str:
 
 
 @contextmanager
-def _lasting(path: Path) -> Iterator[bool]:
-    """Whether what is there is to be written to, and not replaced; it has its reader meanwhile."""
+def _lasting(path: Path) -> Iterator[Path | None]:
+    """What is there and to be written to; None where a file replaces it.
+
+    A pipe has its reader meanwhile; for one of the system's without any it is what nobody reads.
+    """
     if not is_stream(path):
-        yield False
+        yield None
         return
     of_system = resolved(path.parent).parts[1] in ("dev", "proc")
     if not path.is_fifo():
-        yield of_system or not path.is_socket()
+        yield path if of_system or not path.is_socket() else None
         return
     try:
         reader = os.open(path, os.O_WRONLY | os.O_NONBLOCK)  # to open it otherwise would wait
-    except OSError as error:
-        if of_system:
-            raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE), str(path)) from error
-        yield False
+    except OSError:
+        yield Path(os.devnull) if of_system else None
         return
     try:
-        yield True
+        yield path
     finally:
         os.close(reader)
 

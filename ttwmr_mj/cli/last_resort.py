@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import os
 import sys
 import threading
 from collections.abc import Sequence
 from types import ModuleType
-from typing import TextIO
+from typing import Any, TextIO
 
 from ttwmr_mj.errors import (
     InputError,
@@ -24,7 +25,7 @@ from ttwmr_mj.errors import (
 )
 
 INSTALL = "`ttwmr doctor` says what there is; installing this package again brings it back"
-DONE, FAILED, WRONG = 0, 1, 2  # exit codes
+FAILED, WRONG = 1, 2  # exit codes; 0: done
 LEAST_ADDRESS_SPACE = 6e9  # bytes; by camera 4.6e9 are taken on two cores, most of it never used
 LEAST_FILES = 64
 # threads that libraries start on a processor, and on all together; a limit of MANY is not tried
@@ -62,6 +63,44 @@ def open_streams() -> None:
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a test's or a notebook's may not
             stream.reconfigure(errors="backslashreplace")
+
+
+class _Outlasting(io.FileIO):
+    """A file whose reader may leave: what nobody reads goes nowhere, and the work goes on."""
+
+    def write(self, data: Any, /) -> int:
+        try:
+            return super().write(data)
+        except BrokenPipeError:
+            _discard(self.fileno())
+            return super().write(data)
+
+
+def outlast_readers() -> None:
+    """Let nothing depend on who reads our output, such as `head`, and when they leave."""
+    for number, name in ((1, "stdout"), (2, "stderr")):
+        stream = getattr(sys, name)
+        if isinstance(stream, io.TextIOWrapper) and stream.fileno() == number:
+            setattr(sys, name, outlasting(stream, number))
+
+
+def outlasting(
+    stream: io.TextIOWrapper, file: int, kind: type[io.TextIOWrapper] = io.TextIOWrapper
+) -> io.TextIOWrapper:
+    """A stream like this one, whose reader may leave.
+
+    Args:
+        stream: what letters and lines are like.
+        file: the descriptor to write to; never closed.
+        kind: of stream.
+    """
+    return kind(
+        io.BufferedWriter(_Outlasting(file, "wb", closefd=False)),
+        encoding=stream.encoding,
+        errors=stream.errors,
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
 
 
 def forget_variables() -> None:
@@ -142,10 +181,9 @@ def close_streams(code: int) -> int:
     try:
         if sys.stdout is not None and not sys.stdout.closed:  # a law of the user's may do that
             sys.stdout.flush()
-    except BrokenPipeError:  # the reader of our output left; that is its right
-        _discard_output()
     except OSError as error:
-        _discard_output()
+        with contextlib.suppress(OSError, ValueError):  # it has no descriptor any longer
+            _discard(sys.stdout.fileno())  # what is left would fail again at the interpreter's end
         say(f"cannot write the output: {error.strerror or error}")
         code = code or FAILED
     # Ctrl-C in code from text, which dataclasses are made of, is remembered by the interpreter: it
@@ -169,9 +207,6 @@ def leave_threads(code: int) -> None:
 
 def told(error: BaseException) -> int:
     """Say in one line what ended the command; returns the exit code."""
-    if isinstance(error, BrokenPipeError):
-        _discard_output()
-        return DONE
     text, code = _meaning(error)
     say(text)
     return code
@@ -229,15 +264,9 @@ def stranger_in_process() -> str:
     return strangers[-1] if strangers else ""
 
 
-def _discard_output() -> None:
-    """What is left of stdout would fail again at the interpreter's end."""
-    with contextlib.suppress(OSError, ValueError):  # it has no descriptor any longer
-        _discard(sys.stdout.fileno())
-
-
 def _discard(number: int) -> None:
     """Let a standard stream lead nowhere."""
     nowhere = os.open(os.devnull, os.O_RDWR)
     if nowhere != number:
-        os.dup2(nowhere, number)
+        os.dup2(nowhere, number, inheritable=number <= 2)
         os.close(nowhere)

@@ -38,6 +38,8 @@ def main(words: Sequence[str] | None = None) -> int:
 def _main(words: Sequence[str] | None) -> int:
     last_resort.open_streams()
     debug, supervisor.own_process = False, words is None
+    if supervisor.own_process:
+        last_resort.outlast_readers()
     subcommand = None
     try:
         with _ended_like_ctrl_c():
@@ -56,7 +58,7 @@ def _main(words: Sequence[str] | None) -> int:
         if isinstance(error, SystemExit) and subcommand is None:  # of argparse, which has told all
             code = error.code if isinstance(error.code, int) else last_resort.FAILED
             raise SystemExit(last_resort.close_streams(code)) from None
-        if debug and not isinstance(error, KeyboardInterrupt | BrokenPipeError):
+        if debug and not isinstance(error, KeyboardInterrupt):
             raise
         return last_resort.close_streams(last_resort.told(error))
 

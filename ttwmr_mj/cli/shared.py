@@ -62,8 +62,6 @@ class NewFolder(Quiet):
                 if any(folder.glob("trajectory.*")):
                     raise RunError(f"{error}; {kept(folder)}") from error
                 raise
-            except BrokenPipeError:  # of who reads the output: no fault of the folder
-                raise
             except OSError as error:
                 if is_of_input(error) and folder.is_dir():
                     raise

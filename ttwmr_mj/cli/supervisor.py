@@ -162,13 +162,5 @@ def _keep_streams() -> None:
     """Let words reach the terminal though a law closes its streams, or files 1 and 2."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
-        # never closed, and not to be warned of where a law asks for all warnings
-        raw = io.FileIO(_far(stream.fileno()), "wb", closefd=False)
-        lasting = _Lasting(
-            io.BufferedWriter(raw),
-            encoding=stream.encoding,
-            errors=stream.errors,
-            line_buffering=stream.line_buffering,
-        )
-        last_resort.kept[name] = lasting
+        last_resort.kept[name] = last_resort.outlasting(stream, _far(stream.fileno()), _Lasting)
     last_resort.give_streams_back()
