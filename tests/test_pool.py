@@ -8,6 +8,7 @@ import re
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Generator, Iterable, Iterator
 from contextlib import closing
@@ -16,7 +17,8 @@ from pathlib import Path
 import jobs_to_do
 import pytest
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.studies.pool import server
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.jobs import SERVER_GONE, Done, Failed, Job, run_jobs
 
@@ -227,3 +229,38 @@ def test_ctrl_c_of_a_terminal_does_not_reach_the_server_while_it_imports(tmp_pat
 def test_what_a_job_prints_is_not_for_the_terminal(capfd: pytest.CaptureFixture[str]) -> None:
     list(run_jobs([Job("talks", jobs_to_do.leave)]))
     assert capfd.readouterr() == ("", "")
+
+
+LONG = """
+import jobs_to_do
+from ttwmr_mj.studies.pool.jobs import Job, run_jobs
+
+if __name__ == "__main__":
+    print([event.result for event in run_jobs([Job("one", jobs_to_do.count_calls)])])
+"""
+
+
+def test_a_long_tmpdir_is_no_hindrance(tmp_path: Path) -> None:
+    """The names of sockets are shorter than those of files."""
+    long = tmp_path / ("x" * 120)
+    long.mkdir()
+    (tmp_path / "long.py").write_text(LONG)
+    done = subprocess.run(
+        [sys.executable, str(tmp_path / "long.py")],
+        env=os.environ | {"TMPDIR": str(long), "PYTHONPATH": str(Path(__file__).parent)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("[1]\n", "")
+    assert not list(long.iterdir())
+
+
+def test_where_no_socket_can_be_it_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    long = tmp_path / ("x" * 120)
+    long.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(long))
+    monkeypatch.setattr(server, "SHORT", ())
+    with pytest.raises(MachineError, match=r"^TMPDIR has \d+ letters .* a folder of at most 70$"):
+        next(run_jobs([]))
+    assert tempfile.tempdir == str(long)

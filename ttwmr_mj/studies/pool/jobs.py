@@ -17,21 +17,21 @@ import sys
 import tempfile
 import threading
 import traceback
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import count, islice
-from multiprocessing import forkserver, resource_tracker
 from multiprocessing.connection import wait
 from pathlib import Path
 from time import monotonic, sleep
 from typing import Any
 
 from ttwmr_mj.errors import MachineError, TtwmrError, described, in_one_line, of_system
-from ttwmr_mj.files import delete_drafts, scratch_folder, variable
+from ttwmr_mj.files import delete_drafts, scratch_folder
 from ttwmr_mj.runs.process import signals
 from ttwmr_mj.studies.pool.limits import reason_after
-from ttwmr_mj.studies.pool.preload import ask_for, load
+from ttwmr_mj.studies.pool.preload import load
+from ttwmr_mj.studies.pool.server import processes
 
 # what the machine or a person ends a process with, out of memory included
 FROM_OUTSIDE = (*signals.NAMES, "SIGKILL", "SIGBUS")
@@ -93,7 +93,7 @@ def run_jobs(
         One event per job, in the order in which they end.
     """
     scratch = scratch_folder()
-    context = _context(preload)
+    context = processes(preload)
     at_a_time = workers or os.cpu_count() or 1
     waiting, running = iter(jobs), list[_Process]()
     with tempfile.TemporaryDirectory(prefix="ttwmr-jobs-", dir=scratch) as folder:
@@ -112,36 +112,6 @@ def run_jobs(
         finally:
             for process in running:
                 process.end()
-
-
-def _context(preload: Sequence[str]) -> Any:
-    """Processes from a server that has the modules, or, where there is none, from nothing.
-
-    Never a fork of this process: a recording stream that is inherited drops what it is given.
-    """
-    ask_for(preload)
-    if "forkserver" not in multiprocessing.get_all_start_methods():
-        return multiprocessing.get_context("spawn")
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["ttwmr_mj.studies.pool.preloaded"])
-    with variable("PYTHONSAFEPATH", "1"):  # started by `python -c`, which reads files lying about
-        resource_tracker.ensure_running()
-        with _deaf_to_ctrl_c():
-            forkserver.ensure_running()
-    return context
-
-
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """What is started meanwhile does not hear Ctrl-C, which a terminal sends to all; we do after.
-
-    The server ignores it by itself, but not before it has imported everything.
-    """
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _wait(running: list[_Process]) -> None:
