@@ -10,15 +10,18 @@ from pathlib import Path
 import pytest
 from test_hostile_arrays import law_beside
 
+from ttwmr_mj.cli.commands.bench import _told
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import Fault, InputError, described, in_markdown, of_system
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.report import details_text, result_text, summary
 from ttwmr_mj.scenario.file import check_scenario, load_scenario
+from ttwmr_mj.studies.bench import scoring
 from ttwmr_mj.studies.bench.leaderboard import to_markdown
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run
 from ttwmr_mj.studies.bench.page import to_html
 from ttwmr_mj.studies.bench.scoring import Board, maker_of
+from ttwmr_mj.studies.bench.suite import load_suite
 
 EVIL = "\x1b]0;owned\x07<script>alert(1)</script> ![x](http://a/b) `rm` | a | b\n# Best\n```\n- x"
 
@@ -86,6 +89,30 @@ def test_a_leaderboard_tells_a_stranger_s_words() -> None:
     page = to_html(board, f"mine: {EVIL}")
     assert "<script>alert" not in page
     assert "&lt;script&gt;alert" in page
+
+
+SUITE = """
+name = "mine"
+controller.law.overrides = []
+task.circle.scenario = "lab_circle"
+plant.analytic.overrides = ["plant.kind=analytic"]
+"""
+
+
+def test_a_reason_of_several_lines_begins_with_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "suite.toml").write_text(SUITE)
+    for length in (1, 900):
+        reason = "failed at 0.033 s: RuntimeError: boom\x1b[31m\n" + "and more\n" * length
+        stored = {"status": "failed", "reason": reason}
+        monkeypatch.setattr(scoring, "stored_row", lambda *_, stored=stored: stored)
+        (line,) = scoring.collect(load_suite(str(tmp_path / "suite.toml")), tmp_path).lines
+        (run,) = line.runs
+        assert run.sentence.startswith(r"failed at 0.033 s: RuntimeError: boom\x1b[31m\nand more")
+        assert len(run.sentence) <= 1000
+    told = _told({"a-row": "one\ntwo\n", "b-row": "one\ntwo\n"})
+    assert told.splitlines()[1:] == [r"  a-row and 1 more: one\ntwo"]
 
 
 def test_who_made_a_run_is_told_in_a_line(tmp_path: Path) -> None:

@@ -155,6 +155,11 @@ def in_one_line(text: str) -> str:
     return "\\n".join(printable(text).splitlines())
 
 
+def in_brief(text: str) -> str:
+    """The same of what may be of any length, such as a law's exception, from its beginning on."""
+    return cut(in_one_line(text.strip()), LONGEST_REASON)
+
+
 def in_markdown(text: str) -> str:
     """A text of somebody else's as part of a Markdown line: without HTML, link, table or code.
 

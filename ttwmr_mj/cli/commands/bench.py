@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
 from ttwmr_mj.cli.shared import Quiet, kept_in, warn
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.errors import RunError, in_brief
 
 if TYPE_CHECKING:
     from ttwmr_mj.studies.bench.suite import Suite
@@ -72,7 +72,7 @@ def _told(not_run: dict[str, str]) -> str:
     """Which rows were not run, in a line for each reason."""
     reasons: dict[str, list[str]] = {}
     for key, reason in not_run.items():
-        reasons.setdefault(reason.splitlines()[-1], []).append(key)
+        reasons.setdefault(in_brief(reason), []).append(key)
     lines = [
         f"  {keys[0]}{f' and {len(keys) - 1} more' if keys[1:] else ''}: {reason}"
         for reason, keys in reasons.items()

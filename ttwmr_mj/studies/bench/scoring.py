@@ -5,7 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from ttwmr_mj.errors import Fault, InputError, RunError, cut, described, in_one_line
+from ttwmr_mj.errors import Fault, InputError, RunError, cut, described, in_brief, in_one_line
 from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.metrics_file import read_metrics
@@ -76,7 +76,7 @@ def _why(error: Exception) -> str:
     """In a line."""
     if isinstance(error, InputError):
         return "; ".join(line.strip() for line in str(error).splitlines())
-    return described(error).splitlines()[0]
+    return in_brief(described(error))
 
 
 def told_damaged(damaged: dict[str, str]) -> str:
@@ -138,7 +138,7 @@ def _scored(row: SuiteRow, folder: Path) -> Run | None:
     if stored is None:
         return None
     numbers: Metrics = {}
-    name, sentence = stored["status"], _last_line(stored["reason"])
+    name, sentence = stored["status"], in_brief(stored["reason"])
     if name == "ok":
         into = row_folder(row, folder)
         try:
@@ -150,10 +150,6 @@ def _scored(row: SuiteRow, folder: Path) -> Run | None:
         name, sentence = verdict.name, str(verdict)
     values = {column: how.of(numbers, row.scored) for column, how in COLUMNS.items()}
     return Run(row.seed, name, sentence, stored["status"] == "ok", values)
-
-
-def _last_line(text: str) -> str:
-    return text.splitlines()[-1] if text else ""
 
 
 def _judged(folder: Path) -> tuple[Metrics, Verdict]:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Generator, Iterable
 from contextlib import closing
 from dataclasses import dataclass
 
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.errors import RunError, TtwmrError, described, in_brief
 from ttwmr_mj.studies.pool.halves import in_halves
 from ttwmr_mj.studies.pool.jobs import Done, Event, Job, run_jobs
 from ttwmr_mj.studies.pool.task import PRELOAD
@@ -45,6 +45,7 @@ class Broke:
 class Unexpected:
     """An exception that nobody raised on purpose."""
 
+    reason: str  # in a line
     traceback: str
 
 
@@ -59,14 +60,12 @@ def shard_of(plan: Plan, rows: IntArray) -> bytes | Unexpected:
     Raises:
         TtwmrError: this machine cannot run them.
     """
-    from ttwmr_mj.errors import TtwmrError
-
     try:
         return to_bytes(table_of(plan, rows))
     except TtwmrError:
         raise
-    except Exception:
-        return Unexpected(traceback.format_exc().strip())
+    except Exception as error:
+        return Unexpected(in_brief(described(error)), traceback.format_exc().strip())
 
 
 def in_processes(workers: int | None) -> Compute:
@@ -99,9 +98,9 @@ def computed(rows: IntArray, result: bytes | Unexpected) -> Computed:
         RunError: the code broke, not a run.
     """
     if isinstance(result, Unexpected):
-        why = result.traceback.splitlines()[-1]
         where = "a law of your own that ran there may have caused it; --debug shows where"
-        error = RunError(f"rows {rows[0]} to {rows[-1]} could not be computed: {why}; {where}")
+        what = f"rows {rows[0]} to {rows[-1]} could not be computed: {result.reason}"
+        error = RunError(f"{what}; {where}")
         error.add_note(result.traceback)
         raise error
     return Computed(rows, result)
@@ -126,8 +125,8 @@ def computed_shards(
         for rows, outcome in found:
             if isinstance(outcome, Broke):
                 if outcome.of_machine:
-                    last = outcome.reason.splitlines()[-1]
-                    raise RunError(f"row {rows[0]} was not run: {last}; the same command goes on")
+                    why = in_brief(outcome.reason)
+                    raise RunError(f"row {rows[0]} was not run: {why}; the same command goes on")
                 table = broken(plan, int(rows[0]), outcome.reason)
                 outcome = Computed(rows, to_bytes(table))
             yield outcome
