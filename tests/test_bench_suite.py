@@ -241,6 +241,11 @@ def test_as_many_rows_as_asked_and_no_folder_of_a_suite_that_cannot_run(
             '[task.y]\nscenario = "lab_circle"\n',  # names of its own axis
             "2 errors\n  controller.x.when: got 'x'; .*\n  controller.x.skip: got 'z'; allowed: y",
         ),
+        (
+            'name = "a"\nseeds = [3, 1, 3]\n[controller.x]\n[task.y]\n'
+            '[[block]]\ncontroller = ["x", "x"]\n',
+            "2 errors\n  seeds: .*3 is there 2 times; give .*\n  block.0.controller: .*'x' is",
+        ),
         ('name = "a"\n[controller.x]\nscored = "half"\n', "scored: got 'half'; allowed: 'steady'"),
         (
             'name = "a"\n[controller.X]\n[task.y]\n',

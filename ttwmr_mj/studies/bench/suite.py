@@ -21,12 +21,13 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
 import itertools
 import math
 import shlex
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import AfterValidator, Field, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
@@ -43,9 +44,19 @@ LONGEST_NAME = 255  # of a folder
 LEAN: Overrides = ("output.recording=false", "output.figures=false")
 
 Name = Annotated[str, Field(pattern=WORD)]
-Seeds = Annotated[list[Annotated[int, Field(ge=0, lt=2**32)]], Field(min_length=1)]
+
+
+def _each_once(values: list[Any]) -> list[Any]:
+    for value, count in Counter(values).most_common(1):
+        if count > 1:
+            raise ValueError(f"{shown(value)} is there {count} times; give each once")
+    return values
+
+
+Once = AfterValidator(_each_once)
+Seeds = Annotated[list[Annotated[int, Field(ge=0, lt=2**32)]], Field(min_length=1), Once]
 Scored = Literal["steady", "whole"]
-Picked = Annotated[list[str], Field(min_length=1)]
+Picked = Annotated[list[str], Field(min_length=1), Once]
 
 
 class Choice(Config):
