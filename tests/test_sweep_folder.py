@@ -12,7 +12,8 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from sweeps import SMALL, here, plan_of
+from sweeps import SMALL, here, plan_of, written
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.studies.sweep.answers.read import Sweep
@@ -277,6 +278,20 @@ def test_an_exception_of_the_code_stops_the_sweep_and_is_no_result(
         computed(rows, result)
     assert "\n" not in str(caught.value)
     assert caught.value.__notes__[0].startswith("Traceback")  # which --debug shows
+
+
+@pytest.mark.parametrize(("part", "rows"), [("1/13", "which has no rows"), ("2/3", "rows 4 to 7")])
+def test_a_part_says_which_rows_it_has(
+    part: str,
+    rows: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.setattr("ttwmr_mj.cli.commands.sweep.Sweep._compute", lambda _: here)
+    words = ["sweep", written(tmp_path, SMALL), "--out", str(tmp_path / "out"), "--shard", part]
+    assert main(words) == 0
+    assert f"small: part {part}, {rows}, is done in {tmp_path}/out" in capsys.readouterr().out
 
 
 def test_parts_and_their_names() -> None:

@@ -186,8 +186,9 @@ class Sweep(Quiet, name="sweep"):
             told = write_report(folder)
         else:
             start, stop = part.rows(plan)
+            rows = f"rows {start} to {stop - 1}" if start < stop else "which has no rows"
             told = (
-                f"{plan.name}: part {part.index}/{part.count}, rows {start} to {stop - 1}, is done "
+                f"{plan.name}: part {part.index}/{part.count}, {rows}, is done "
                 f"in {folder}\njoin the parts: ttwmr sweep --merge DIR DIR ... --out DIR"
             )
         print(folder if self.quiet else printable(told))
