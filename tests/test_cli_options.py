@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.cli.commands.bench import Bench
 from ttwmr_mj.cli.commands.calibrate import Calibrate
 from ttwmr_mj.cli.commands.compare import Compare
@@ -26,7 +27,7 @@ from ttwmr_mj.cli.commands.validate import Validate
 from ttwmr_mj.cli.commands.video import VideoCommand
 from ttwmr_mj.cli.commands.view import View
 from ttwmr_mj.cli.engine import load_subcommands, make_dataclass
-from ttwmr_mj.cli.main import main, parse
+from ttwmr_mj.cli.main import main
 
 NAMES = (
     "bench",

@@ -10,7 +10,7 @@ from pathlib import Path
 import cv2
 import pytest
 
-from ttwmr_mj.cli.main import parse
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.recording.stream import live, viewer
 from ttwmr_mj.recording.video.film import FPS, SIZE_PX
 from ttwmr_mj.runs.closed_loop.pace import BEHIND_S

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from ttwmr_mj.cli.main import parse
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.scenario.file import load_scenario
 
 ROOT = Path(__file__).resolve().parent.parent

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from sweeps import SMALL, here, plan_of
-from ttwmr_mj.cli.main import parse
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.studies.sweep.execute import fill
 from ttwmr_mj.studies.sweep.folder.plan_file import write_plan
 from ttwmr_mj.studies.sweep.plan.build import build_plan

@@ -272,6 +272,34 @@ if {late}:
     atexit.register(rings, {late})
 sys.exit(main())
 """
+EARLY = """
+import os, signal, sys
+
+class Rings:
+    def find_spec(self, name, path, target=None):
+        if name == "{module}":
+            os.kill(os.getpid(), signal.{signal})
+
+sys.meta_path.insert(0, Rings())
+from ttwmr_mj.cli.main import main
+sys.argv[1:] = ["--version"]
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize("module", ["argparse", "ttwmr_mj.cli.supervisor"])
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_before_all_is_imported_is_told_in_a_line(module: str, name: str) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", EARLY.format(module=module, signal=name)],
+        capture_output=True,
+        text=True,
+        check=False,
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "ttwmr: stopped\n")
+
+
 IN_TEXT = "lambda self: exec('import os; os.kill(os.getpid(), 2)')"
 
 

@@ -10,8 +10,9 @@ from pathlib import Path
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.cli.commands.plan import PlanCommand
-from ttwmr_mj.cli.main import main, parse
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.planning.deliver import replaced
 from ttwmr_mj.references.planned import Knots
 from ttwmr_mj.scenario.file import check_scenario

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.assets import scenarios_folder
+from ttwmr_mj.cli.command_line import parse
 from ttwmr_mj.cli.commands.run import RunCommand
-from ttwmr_mj.cli.main import parse
 from ttwmr_mj.controllers.shared.estimation.friction import FrictionOptions, HitchFriction
 from ttwmr_mj.controllers.shared.transition import WaysBack, way_back
 from ttwmr_mj.dynamics.flatness import point_behind

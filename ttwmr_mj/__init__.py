@@ -4,8 +4,8 @@ The names in `__all__` are what a script or a notebook needs; each is loaded on 
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # as in typing, whose import takes longer than all else before a command
 if TYPE_CHECKING:
     from ttwmr_mj.api import compare, run, simulate
     from ttwmr_mj.controllers.base import Command, Controller, Task
@@ -68,7 +68,7 @@ _HOMES = {
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """A name of the public API, or the version, loaded when first asked for."""
     if name == "__version__":  # reading it takes as long as `ttwmr --help` has
         from importlib.metadata import version

@@ -2,7 +2,6 @@
 
 import os
 import sys
-from pathlib import Path
 
 try:
     HERE = [os.getcwd()]  # noqa: PTH109  # as it stands in sys.path
@@ -15,7 +14,7 @@ if (
     not sys.flags.safe_path
     and HERE
     and sys.path[:1] == HERE
-    and Path(__file__).parents[1] != Path.cwd()
+    and os.path.dirname(os.path.dirname(__file__)) != HERE[0]  # noqa: PTH120  # pathlib may be one
 ):
     del sys.path[0]
 
