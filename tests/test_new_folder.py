@@ -8,13 +8,15 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.results.row_stream import RowStream
 from ttwmr_mj.runs.files.lock import locked
-from ttwmr_mj.runs.files.new_folder import OURS, kept, new_folder
+from ttwmr_mj.runs.files.new_folder import OURS, kept, new_folder, settle_the_dead
 
 HOLD = """
 import sys, time
@@ -37,6 +39,12 @@ def a_run(folder: Path) -> dict[str, str]:
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(f"old {name}")
     return files(folder)
+
+
+def a_row(path: Path) -> None:
+    stream = RowStream(path)
+    stream.append(tt.Trajectory.empty(np.zeros(1), 1))
+    stream.close()
 
 
 def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
@@ -88,7 +96,7 @@ def test_a_run_that_came_to_nothing_leaves_the_folder_as_it_was(
         with new_folder(folder, force=True):
             (folder / "manifest.json").write_text("new")
             if recorded:
-                (folder / "trajectory.arrows").write_text("new")
+                (folder / "trajectory.parquet").write_text("new")
             raise error
 
     for name in ("old", "deep/new"):
@@ -99,7 +107,7 @@ def test_a_run_that_came_to_nothing_leaves_the_folder_as_it_was(
     if not stays_old:
         assert set(files(tmp_path / "old")) == {
             "manifest.json",
-            "trajectory.arrows",
+            "trajectory.parquet",
             "figures/mine.png",
         }
 
@@ -165,15 +173,60 @@ def test_a_recording_without_a_row_replaces_no_run(
     assert files(tmp_path) == before
 
 
-def test_what_a_killed_process_has_set_aside_is_not_lost(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "left", [["manifest.json"], ["manifest.json", "run.rrd", "trajectory.arrows", "track.rrd"]]
+)
+@pytest.mark.parametrize("error", [KeyboardInterrupt, InputError])
+@pytest.mark.parametrize("settled", [False, True])
+def test_what_a_killed_process_has_set_aside_is_not_lost(
+    left: list[str], error: type[BaseException], settled: bool, tmp_path: Path
+) -> None:
     before = a_run(tmp_path)
     for name in ("metrics.json", "trajectory.parquet", "figures/paths.png"):
         (tmp_path / ".replaced" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).rename(tmp_path / ".replaced" / name)
-    (tmp_path / "manifest.json").touch()  # of the one that was killed
-    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path, force=True):
-        raise KeyboardInterrupt
-    assert files(tmp_path) == before | {"manifest.json": ""}
+    for name in left:  # of the one that was killed
+        (tmp_path / name).touch()
+    if settled:
+        assert settle_the_dead(tmp_path)
+        assert files(tmp_path) == before
+    with pytest.raises(error), new_folder(tmp_path, force=True):
+        raise error("wrong")
+    assert files(tmp_path) == before
+
+
+def test_a_disk_that_is_full_before_the_first_row_loses_no_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    before = a_run(tmp_path)
+
+    def full(stream: RowStream, _: object) -> None:
+        stream._path.touch()  # opened, and nothing written
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(RowStream, "append", full)
+    words = ["--out", str(tmp_path), "--force", "--quiet", "--set", "duration_s=0.1"]
+    assert main(["run", "sim_circle", *words]) == 1
+    assert "No space left on device; nothing was recorded\n" in capsys.readouterr().err
+    assert files(tmp_path) == before
+
+
+def test_score_puts_back_what_a_killed_run_was_to_replace(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lean = ["duration_s=0.1", "output.recording=false", "output.figures=false"]
+    folder = tt.run(tt.load_scenario("sim_circle", lean), tmp_path / "run").folder
+    whole = {path.name for path in folder.iterdir()}
+    (tmp_path / "aside").mkdir()
+    for name in whole:
+        (folder / name).rename(tmp_path / "aside" / name)
+    (tmp_path / "aside").rename(folder / ".replaced")
+    (folder / "scenario.resolved.toml").write_text("of the one that was killed")
+    assert main(["score", str(folder)]) == 0
+    assert "the one that it was to replace is there again" in capsys.readouterr().err
+    assert {path.name for path in folder.iterdir()} == whole
+    assert main(["score", str(folder)]) == 0
+    assert capsys.readouterr().err == ""
 
 
 def test_a_lock_ends_with_its_process_however_that_ends(tmp_path: Path) -> None:
@@ -224,8 +277,10 @@ def test_exit_2_leaves_nothing_that_would_refuse_the_retry(
     [
         (lambda folder: folder.rmdir(), "is gone"),
         (lambda folder: (folder / "manifest.json").touch(), "nothing was recorded"),
-        (lambda folder: (folder / "trajectory.arrows").touch(), "ttwmr score"),
-        (lambda folder: (folder / "run.rrd").touch(), "what was recorded is in"),
+        (lambda folder: (folder / "trajectory.arrows").touch(), "nothing was recorded"),
+        (lambda folder: a_row(folder / "trajectory.arrows"), "can be scored: ttwmr score"),
+        (lambda folder: (folder / "run.rrd").write_text("opened"), "nothing was recorded"),
+        (lambda folder: (folder / "track.rrd").write_text("frames"), "what was recorded is in"),
         (
             lambda folder: (folder / "metrics.json").write_text('{"status": "ok"}'),
             "the run is complete in",

@@ -51,7 +51,7 @@ class NewFolder(Quiet):
         Raises:
             RunError: a signal or the system broke it off.
         """
-        from ttwmr_mj.runs.files.new_folder import kept, new_folder
+        from ttwmr_mj.runs.files.new_folder import is_recorded, kept, new_folder
 
         with new_folder(folder, self.force):
             try:
@@ -59,7 +59,7 @@ class NewFolder(Quiet):
             except KeyboardInterrupt:
                 raise RunError(f"stopped; {kept(folder)}") from None
             except MachineError as error:  # which may have worked for a while
-                if any(folder.glob("trajectory.*")):
+                if is_recorded(folder):
                     raise RunError(f"{error}; {kept(folder)}") from error
                 raise
             except OSError as error:

@@ -86,6 +86,18 @@ def read_rows(path: Path) -> Trajectory:
     return Trajectory.of_table(pa.Table.from_batches(batches), str(path))
 
 
+def holds_rows(path: Path) -> bool:
+    """Whether there is a row in such a file; a full disk may have taken none."""
+    import pyarrow as pa
+
+    try:
+        no_device(path)
+        with path.open("rb") as file, pa.ipc.open_stream(file) as stream:
+            return bool(stream.read_next_batch().num_rows)
+    except (OSError, ValueError, StopIteration, pa.ArrowException):
+        return False
+
+
 def rows_file(folder: Path) -> Path:
     """Where the rows of a run folder are: of a run that was killed, in what was growing.
 

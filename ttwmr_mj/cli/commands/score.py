@@ -16,6 +16,7 @@ class Score(Quiet, name="score"):
         from ttwmr_mj.runs.report import headline, results_table, verdict_line
         from ttwmr_mj.runs.score import score_run
 
+        self._settle()
         metrics = score_run(self.run)
         if self.quiet:
             print(self.run)
@@ -25,3 +26,18 @@ class Score(Quiet, name="score"):
         print(results_table(metrics))
         print(f"\nwritten: {self.run / 'metrics.json'}")
         return 0
+
+    def _settle(self) -> None:
+        """Put the run back that one was to replace which was killed before its first row."""
+        from ttwmr_mj.cli.last_resort import say
+        from ttwmr_mj.runs.files.lock import locked
+        from ttwmr_mj.runs.files.new_folder import ASIDE, settle_the_dead
+
+        if not (self.run / ASIDE).is_dir():
+            return
+        with locked(self.run, key="RUN"):
+            if settle_the_dead(self.run):
+                say(
+                    f"warning: nothing was recorded before the run in {self.run} was killed; the "
+                    "one that it was to replace is there again"
+                )

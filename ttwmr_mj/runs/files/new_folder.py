@@ -10,6 +10,7 @@ from pathlib import Path
 
 from ttwmr_mj.errors import InputError, is_of_input, refused
 from ttwmr_mj.files import drafts, read_json
+from ttwmr_mj.results.row_stream import ROWS_FILE, holds_rows
 from ttwmr_mj.runs.files.lock import NAME as LOCK
 from ttwmr_mj.runs.files.lock import locked
 
@@ -33,7 +34,6 @@ _COMMON = (
     "frames/annotations.json",
 )
 OURS = (*_TELLING, *_COMMON)
-RECORDED = ("*.parquet", "*.arrows", "*.rrd")
 ASIDE = ".replaced"  # where what is replaced waits until there is something in its place
 
 
@@ -89,10 +89,11 @@ def kept(folder: Path) -> str:
         return f"{folder} is gone, with all that was in it"
     if _is_complete(folder):
         return f"the run is complete in {folder}, but for its figures"
-    if not _is_recorded(folder):
+    if not is_recorded(folder):
         return "nothing was recorded"
-    scored = " and can be scored: ttwmr score {0}" if any(folder.glob("trajectory.*")) else ""
-    return f"what was recorded is in {folder}{scored}".format(folder)
+    if not any(folder.glob("trajectory.*")):
+        return f"what was recorded is in {folder}"
+    return f"what was recorded is in {folder} and can be scored: ttwmr score {folder}"
 
 
 def _is_complete(folder: Path) -> bool:
@@ -102,8 +103,15 @@ def _is_complete(folder: Path) -> bool:
         return False
 
 
-def _is_recorded(folder: Path) -> bool:
-    return any(path for name in RECORDED for path in folder.glob(name))
+def is_recorded(folder: Path) -> bool:
+    """Whether there is a row of a run, or something of another work.
+
+    A run's recording is opened before its first row, and a full disk may have taken none of that.
+    """
+    whole = [*folder.glob("*.parquet"), folder / "track.rrd"]
+    return any(path.is_file() and path.stat().st_size for path in whole) or holds_rows(
+        folder / ROWS_FILE
+    )
 
 
 @contextmanager
@@ -124,9 +132,8 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
         hint = "give another one, or --force to replace the run in it"
         raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
     aside = folder / ASIDE
-    if not (_is_over(folder) or _is_recorded(folder)):
-        _move(aside, folder)  # of a process that was killed before it had recorded anything
-    _delete(aside)
+    if aside.is_dir():  # of a process that was killed
+        _settle(folder)
     others = [] if _files(folder, _TELLING) else _files(folder)
     if others:
         problem = f"it holds {others[0].relative_to(folder)}, and no run that --force could replace"
@@ -140,25 +147,28 @@ def _replaced(folder: Path, force: bool) -> Iterator[None]:
     _delete(aside)
 
 
-def settle_the_dead(folder: Path) -> None:
+def settle_the_dead(folder: Path) -> bool:
     """A process ended without a word while it filled a folder: what it wrote half goes.
 
-    A run that it was to replace is there again, if nothing else was recorded.
+    Returns:
+        whether a run that it was to replace is there again, as nothing else was recorded.
     """
     for ours in OURS:
         for draft in folder.glob(drafts(ours)):
             with suppress(OSError):
                 draft.unlink()
-    _settle(folder)
+    return _settle(folder)
 
 
-def _settle(folder: Path, *, to_nothing: bool = False) -> None:
-    """Put what was set aside back where nothing, or nothing of use, came in its place."""
+def _settle(folder: Path, *, to_nothing: bool = False) -> bool:
+    """Whether what was set aside is back, where nothing, or nothing of use, came in its place."""
     aside = folder / ASIDE
-    if not _is_over(folder) and (to_nothing or not _is_recorded(folder)):
+    again = not _is_over(folder) and (to_nothing or not is_recorded(folder))
+    if again:
         _delete(folder)
-        _move(aside, folder)
+        again = _move(aside, folder)
     _delete(aside)
+    return again
 
 
 def _is_over(folder: Path) -> bool:
@@ -177,12 +187,15 @@ def _files(folder: Path, kinds: Iterable[str] = OURS) -> list[Path]:
     return [path for path in found if path.is_symlink() or not path.is_dir()]
 
 
-def _move(folder: Path, into: Path) -> None:
-    for path in _files(folder):
+def _move(folder: Path, into: Path) -> bool:
+    """Whether there was something to move."""
+    files = _files(folder)
+    for path in files:
         target = into / path.relative_to(folder)
         target.parent.mkdir(parents=True, exist_ok=True)
         path.replace(target)
     _tidy(folder)
+    return bool(files)
 
 
 def _delete(folder: Path) -> None:
