@@ -19,7 +19,6 @@ import pytest
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.by_hand.drive import HandPace
 from ttwmr_mj.runs.by_hand.hands import EVENT, FULL, STEP, Hands
 from ttwmr_mj.scenario.file import load_scenario
 
@@ -159,16 +158,6 @@ def test_a_drive_pauses_as_a_shell_asks_and_goes_on(tmp_path: Path) -> None:
         time.sleep(0.01)
     terminal.type("q")  # without Enter
     assert terminal.end() == 0, terminal.said
-
-
-def test_nobody_drives_during_a_pause(typed: tuple[int, Hands]) -> None:
-    _, hands = typed
-    pace = HandPace(1.0, hands=hands)
-    pace.hold(0.0)
-    pace._started_s -= 100.0  # as if so much time had gone by
-    hands.paused_s += 100.0
-    pace.hold(0.033)
-    assert pace.lag_s[-1] < 50.0
 
 
 def test_driving_needs_a_terminal(tmp_path: Path) -> None:

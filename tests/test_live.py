@@ -139,6 +139,20 @@ def test_pace_is_held_to_the_first_sample() -> None:
     assert Pace().told() == ""
 
 
+@pytest.mark.parametrize("stopped", [False, True])
+def test_time_for_which_the_process_was_stopped_is_not_made_up_for(stopped: bool) -> None:
+    """Ctrl-Z and `fg`: only what a shell sends at the end of it is seen."""
+    pace, before = Pace(1.0), signal.getsignal(signal.SIGCONT)
+    with pace.heeding_stops():
+        pace.hold(0.0)
+        pace._started_s -= 100.0  # as if so much time had gone by
+        if stopped:
+            os.kill(os.getpid(), signal.SIGCONT)
+        pace.hold(0.033)
+    assert (pace.lag_s[-1] == 0.0) == stopped
+    assert signal.getsignal(signal.SIGCONT) == before
+
+
 @pytest.mark.parametrize("speed", ["1e-300", "-1", "inf", "nan"])
 def test_a_pace_that_is_none_is_refused(
     speed: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]

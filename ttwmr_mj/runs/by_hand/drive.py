@@ -63,14 +63,11 @@ class HandPace(Pace):
 
     hands: Hands | None = None
     tell: Callable[[float], None] | None = None
-    _paused_s: float = 0.0
 
     def hold(self, time_s: float) -> bool:
         """Wait until the sample is due, and see what the hands have done meanwhile."""
-        assert self.hands is not None
-        self._started_s += self.hands.paused_s - self._paused_s  # nobody drove meanwhile
-        self._paused_s = self.hands.paused_s
         Pace.hold(self, time_s)
+        assert self.hands is not None
         self.hands.look()
         if self.tell is not None:
             self.tell(time_s)

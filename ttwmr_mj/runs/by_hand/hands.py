@@ -11,7 +11,6 @@ import threading
 import tty
 from contextlib import suppress
 from pathlib import Path
-from time import perf_counter
 from types import FrameType, TracebackType
 from typing import Self
 
@@ -39,7 +38,6 @@ class Hands:
         forward: share of the largest speed, in [−1, 1].
         turn: share of the largest turn rate, in [−1, 1]; positive to the left.
         ended: whether the run shall end.
-        paused_s: wall time for which the process was stopped by Ctrl-Z so far.
 
     Raises:
         MachineError: standard input is no terminal.
@@ -48,7 +46,6 @@ class Hands:
     def __init__(self, gamepad: Path = GAMEPAD) -> None:
         self.forward = self.turn = 0.0
         self.ended = False
-        self.paused_s = 0.0
         if not sys.stdin.isatty():
             raise MachineError("driving needs a terminal to type into; standard input is none")
         self._terminal = sys.stdin.fileno()
@@ -78,11 +75,9 @@ class Hands:
     def _pause(self, signum: int, frame: FrameType | None) -> None:
         """Stop as Ctrl-Z asks; the shell has its terminal as it was, and keys are taken after."""
         del signum, frame
-        began_s = perf_counter()
         termios.tcsetattr(self._terminal, termios.TCSADRAIN, self._before)
         signal.pthread_kill(threading.get_ident(), signal.SIGSTOP)  # `fg` goes on here
         tty.setcbreak(self._terminal)
-        self.paused_s += perf_counter() - began_s
 
     @property
     def told(self) -> str:

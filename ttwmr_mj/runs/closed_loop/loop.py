@@ -99,7 +99,8 @@ class Loop:
         period = self.scenario.control.sampling_time_s
         self.laws.deadline.arm()
         try:
-            with np.errstate(all="ignore"):  # what overflows ends as failed or diverged
+            # what overflows ends as failed or diverged
+            with np.errstate(all="ignore"), self.pace.heeding_stops():
                 self._break_off(self.laws.start(), 0.0)
                 self._drive(period)
         finally:

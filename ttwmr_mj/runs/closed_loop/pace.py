@@ -1,8 +1,12 @@
 """How fast a run goes: as fast as it can, or held to the wall clock."""
 
-from collections.abc import Sequence
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from time import perf_counter, sleep
+from types import FrameType
 
 from ttwmr_mj.deadline import step
 from ttwmr_mj.errors import InputError
@@ -18,7 +22,8 @@ BEHIND_S = 0.1  # a run this late is behind: less is not seen
 class Pace:
     """Holds a run to the wall clock, and notes where the machine could not follow.
 
-    Time that was lost is made up for as fast as the machine can.
+    Time that was lost is made up for as fast as the machine can; that for which the process was
+    stopped, by Ctrl-Z for instance, is none.
 
     Attributes:
         speed: simulated seconds per second; 0: as fast as it can.
@@ -33,6 +38,7 @@ class Pace:
     report_every_s: float = REPORT_EVERY_S
     lag_s: list[float] = field(default_factory=list)
     _started_s: float = 0.0
+    _begins: bool = True
 
     def __post_init__(self) -> None:
         if self.speed and not SLOWEST <= self.speed < float("inf"):
@@ -44,8 +50,8 @@ class Pace:
         if not self.speed:
             return True
         now_s = perf_counter()
-        if not self.lag_s:
-            self._started_s = now_s - time_s / self.speed
+        if self._begins:
+            self._begins, self._started_s = False, now_s - time_s / self.speed
         early_s = self._started_s + time_s / self.speed - now_s
         self.lag_s.append(max(-early_s, 0.0))
         while early_s > STEP_S:  # of slow paces a period may take minutes
@@ -55,6 +61,23 @@ class Pace:
         if early_s > 0.0:
             sleep(early_s)
         return True
+
+    @contextmanager
+    def heeding_stops(self) -> Iterator[None]:
+        """While it lasts the pace begins anew where the process goes on after a stop."""
+        main = threading.current_thread() is threading.main_thread()
+        if not (self.speed and main and hasattr(signal, "SIGCONT")):
+            yield
+            return
+        before = signal.signal(signal.SIGCONT, self._begin_anew) or signal.SIG_DFL
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGCONT, before)
+
+    def _begin_anew(self, signum: int, frame: FrameType | None) -> None:
+        del signum, frame
+        self._begins = True
 
     def told(self) -> str:
         """In words, how the pace was kept; empty where there was none to keep."""

@@ -79,6 +79,7 @@ def track(
     faults: list[RunError] = []
     batch = BATCH if live is None else LIVE_BATCH
     with (
+        pace.heeding_stops(),
         open_footage(source, camera) as frames,
         TrackRecorder(folder / "track.rrd", source, camera, layout, live) as recorder,
     ):
