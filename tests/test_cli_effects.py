@@ -15,6 +15,7 @@ import pytest
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
+from ttwmr_mj.runs.files.new_folder import kept
 
 
 def test_compare_passes_on_what_was_asked(
@@ -69,13 +70,21 @@ def test_a_fragment_and_the_frames_of_a_run(tmp_path: Path) -> None:
 LEAN = ["--set", "plant.kind=analytic", "--set", "duration_s=0.2", "--set", "output.figures=false"]
 
 
+@pytest.mark.parametrize(("name", "told"), [("my run's $1", "my run's $1"), ("-y", "./-y")])
 def test_what_a_run_says_can_be_copied_to_a_shell(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    name: str,
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    assert main(["run", "lab_circle", "--out", "my run's $1", *LEAN]) == 0
-    (told,) = re.findall("look at it: (.*)", capsys.readouterr().out)
-    assert shlex.split(told) == ["ttwmr", "view", "my run's $1"]
+    assert main(["run", "lab_circle", f"--out={name}", *LEAN]) == 0
+    (line,) = re.findall("look at it: (.*)", capsys.readouterr().out)
+    assert shlex.split(line) == ["ttwmr", "view", told]
+    (Path(name) / "metrics.json").unlink()
+    (line,) = re.findall("can be scored: (.*)", kept(Path(name)))
+    assert shlex.split(line) == ["ttwmr", "score", told]
     assert main(["run", "lab_circle", "--out", "o", *LEAN, "--set", "output.recording=false"]) == 0
     assert "look at it" not in capsys.readouterr().out  # there is nothing to look at
 

@@ -5,10 +5,12 @@ from __future__ import annotations
 import errno
 import os
 import re
+import shlex
 import unicodedata
 from dataclasses import dataclass, replace
 from decimal import ROUND_CEILING, ROUND_FLOOR, Context
 from numbers import Integral
+from pathlib import Path
 from types import UnionType
 from typing import Any, get_args
 
@@ -139,6 +141,15 @@ def is_of_input(error: BaseException) -> bool:
     if isinstance(error, OSError):
         return error.errno in OF_NAMES
     return isinstance(error, TtwmrError) and not isinstance(error, RunError)
+
+
+def to_copy(*words: object) -> str:
+    """A command of ours as a shell takes it, whatever is in its names.
+
+    A path is told as one: what begins with a dash would be an option.
+    """
+    told = (f"./{w}" if isinstance(w, Path) and str(w).startswith("-") else str(w) for w in words)
+    return shlex.join(["ttwmr", *told])
 
 
 def printable(text: str) -> str:

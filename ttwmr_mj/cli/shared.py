@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_system
+from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_system, to_copy
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.stream.live import LiveView
@@ -123,11 +123,6 @@ class Live(Quiet):
         from ttwmr_mj.cli.viewing import viewing
 
         return viewing(self.live)
-
-
-def to_copy(*words: object) -> str:
-    """A command of ours as a shell takes it, whatever is in its names."""
-    return shlex.join(["ttwmr", *map(str, words)])
 
 
 def where_it_is(what: str, folder: Path) -> str:

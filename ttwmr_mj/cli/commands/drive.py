@@ -4,8 +4,8 @@ import sys
 from contextlib import suppress
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, ended_early, to_copy
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.cli.shared import SCENARIO, NewFolder, Overrides, command_line, ended_early
+from ttwmr_mj.errors import InputError, to_copy
 
 
 class DriveCommand(Overrides, NewFolder, name="drive"):

@@ -8,8 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import Subcommand, argument, option
-from ttwmr_mj.cli.shared import to_copy
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, to_copy
 
 
 class New(Subcommand, name="new"):

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, to_copy, warn
-from ttwmr_mj.errors import Fault, InputError, MachineError
+from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, warn
+from ttwmr_mj.errors import Fault, InputError, MachineError, to_copy
 
 if TYPE_CHECKING:
     from ttwmr_mj.planning.points import Points

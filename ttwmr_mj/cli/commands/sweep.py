@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet, kept_in, to_copy, warn
-from ttwmr_mj.errors import InputError, RunError, printable
+from ttwmr_mj.cli.shared import Quiet, kept_in, warn
+from ttwmr_mj.errors import InputError, RunError, printable, to_copy
 
 if TYPE_CHECKING:
     from ttwmr_mj.studies.sweep.compute import Compute

@@ -8,7 +8,7 @@ from contextlib import ExitStack, contextmanager, suppress
 from glob import glob
 from pathlib import Path
 
-from ttwmr_mj.errors import InputError, is_of_input, refused
+from ttwmr_mj.errors import InputError, is_of_input, refused, to_copy
 from ttwmr_mj.files import drafts, read_json
 from ttwmr_mj.results.row_stream import ROWS_FILE, holds_rows
 from ttwmr_mj.runs.files.lock import NAME as LOCK
@@ -93,7 +93,7 @@ def kept(folder: Path) -> str:
         return "nothing was recorded"
     if not any(folder.glob("trajectory.*")):
         return f"what was recorded is in {folder}"
-    return f"what was recorded is in {folder} and can be scored: ttwmr score {folder}"
+    return f"what was recorded is in {folder} and can be scored: {to_copy('score', folder)}"
 
 
 def _is_complete(folder: Path) -> bool:
