@@ -153,5 +153,5 @@ def test_view_opens_what_was_meant(tmp_path: Path, monkeypatch: pytest.MonkeyPat
         (["view", "results/old/b.rrd"], "results/old/b.rrd"),
     ):
         assert main(words) == 3
-        assert Path("seen").read_text() == f"{opened}\n"
+        assert Path("seen").read_text() == f"{tmp_path / opened}\n"
     assert main(["view", "bin"]) == 2
