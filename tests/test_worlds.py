@@ -9,7 +9,7 @@ import pytest
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.robot import Trailer
-from ttwmr_mj.scenario.file import dump_scenario, load_scenario
+from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario, put_value
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.tables import worlds
 
@@ -143,3 +143,50 @@ def test_one_seed_is_one_world() -> None:
 def test_an_unknown_world_is_refused() -> None:
     with pytest.raises(InputError, match="world: got 'cruel'"):
         load_scenario(TRUTH, ["world=cruel"])
+
+
+GIVEN_WRONG = (
+    *("sensing.latency_s=-1", "sensing.latency_s=-inf", "sensing.latency_s=99"),
+    *(f"sensing.latency_s={what}" for what in ("fast", "[]", "{}", "[1]", "0.02")),
+    *("robot.tractor.wheel_radius_m=26mm", "robot.tractor.wheel_radius_m=1.1"),
+    *("robot.trailer.com_offset_m=true", "robot.trailer.com_offset_m=x"),
+    *("robot.trailers=[]", "robot.trailers={}", "robot.preset=indoor"),
+    *("control.sampling_time_s=-0.033", "control.sampling_time_s=0", "seed=-1", "seed=x"),
+)
+
+
+@pytest.mark.parametrize("given", GIVEN_WRONG)
+def test_what_is_given_wrong_is_told_as_in_the_kind_world(given: str) -> None:
+    def told(world: str, seed: int) -> str:
+        with pytest.raises(InputError) as caught:
+            load_scenario("lab_circle", [f"seed={seed}", f"world={world}", given])
+        return str(caught.value)
+
+    for seed in range(4):
+        assert told("lab", seed) == told("unkind", seed) == told("kind", seed)
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        *("sensing.latency_s", "control.sampling_time_s"),
+        *("robot.trailer.com_offset_m", "robot.tractor.wheel_radius_m"),
+    ],
+)
+def test_numbers_beyond_a_floats_are_refused_with_their_key(key: str) -> None:
+    data = load_scenario("lab_circle").model_dump(exclude_unset=True)
+    data["world"] = "unkind"
+    put_value(data, key.split("."), 10**400, "test")
+    with pytest.raises(InputError, match=key):
+        check_scenario(data, "mine")
+
+
+def test_what_only_the_world_makes_wrong_is_told_so() -> None:
+    wide = ["robot.tractor.wheel_radius_m=1.0", "robot.tractor.yaw_inertia_kg_m2=1.0"]
+    assert load_scenario("lab_circle", wide).robot.tractor.wheel_radius_m == 1.0
+    larger = r"wheel_radius_m: got 1\.00\d*; allowed: less than or equal to 1; due to what world = "
+    with pytest.raises(InputError, match=larger + "'unkind' sets; with 'kind' it is sound"):
+        load_scenario("lab_circle", [*wide, "world=unkind"])
+    steps = "a whole number of steps of 0.003 s .*; due to what world = 'lab' sets"
+    with pytest.raises(InputError, match=steps):  # of the motor, which only the world has
+        load_scenario("lab_circle", ["plant.contact.timestep_s=0.003", "world=lab"])

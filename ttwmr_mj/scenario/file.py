@@ -1,15 +1,15 @@
 """Scenario files: read, override, check everything at once, write back resolved."""
 
-import copy
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, get_args, get_type_hints
+from typing import Any
 from weakref import WeakValueDictionary
 
 import numpy as np
 import tomli_w
-from pydantic import Field, ValidationError, create_model
+from pydantic import ValidationError
 
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.config import Config
@@ -27,7 +27,8 @@ from ttwmr_mj.robot import RobotParameters, merged
 from ttwmr_mj.scenario.checks import check
 from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.scenario.tables.worlds import World
+from ttwmr_mj.scenario.sound_part import sound_part
+from ttwmr_mj.scenario.tables.worlds import FILLING
 
 _SOUND = WeakValueDictionary[int, Scenario]()  # by their id: checked, and frozen since
 
@@ -113,7 +114,7 @@ def require_scenario(given: object, where: str = "scenario") -> Scenario:
         return given
     data = _tables(given)
     world = data.get("world")
-    if world in get_args(World):  # it has been filled from it, or was changed since
+    if world in FILLING:  # it has been filled from it, or was changed since
         data["world"] = "kind"
     try:
         again = type(given).model_validate(data).model_copy(update={"world": world})
@@ -163,18 +164,39 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     require(dict, "data", data)
     require(str, "source", source)
     data, context = _plain(data, source), {"folder": named("folder", folder)}
+    if (world := data.get("world")) not in FILLING:
+        return _sound(_checked(data, source, context))
+    # first as if the world filled in nothing, so that what is wrong is told as it was given
+    _checked(data | {"world": "kind"}, source, context)
+    try:
+        scenario = Scenario.model_validate(data, context=context)
+        faults = check(scenario, [])
+    except ValidationError as error:
+        faults = faults_of(error)
+    due = f"due to what world = {world!r} sets; with 'kind' it is sound"
+    if faults := [replace(f, hint="; ".join(filter(None, (f.hint, due)))) for f in faults]:
+        raise InputError(*faults, file=source)
+    return _sound(scenario)
+
+
+def _checked(data: dict[str, Any], source: str, context: dict[str, Path]) -> Scenario:
+    """The scenario of plain data.
+
+    Raises:
+        InputError: with every fault in one message.
+    """
+    gone: list[Keys] = []
     try:
         scenario, faults = Scenario.model_validate(data, context=context), []
-        gone: list[Keys] = []
     except ValidationError as error:
         faults = faults_of(error)
         if error.error_count() > MOST_FAULTS:
             raise InputError(*faults, file=source) from error
-        scenario, gone = _sound_part(data, faults, context)
+        scenario, gone = sound_part(data, faults, context)
     faults += check(scenario, gone)
     if faults:
         raise InputError(*faults, file=source)
-    return _sound(scenario)
+    return scenario
 
 
 def _plain(value: Any, source: str, level: int = 0) -> Any:
@@ -197,44 +219,6 @@ def _plain(value: Any, source: str, level: int = 0) -> Any:
         return {key: _plain(item, source, level + 1) for key, item in value.items()}
     items = [_plain(item, source, level + 1) for item in value]
     return items if isinstance(value, list) else tuple(items)
-
-
-def _sound_part(
-    data: dict[str, Any], faults: list[Fault], context: dict[str, Path]
-) -> tuple[Scenario, list[Keys]]:
-    """The scenario without its faults, and what was left out.
-
-    Left out is each key that has a fault, and what is around it where that is not enough.
-    """
-    sound, gone = copy.deepcopy(data), [fault.key for fault in faults]
-    while True:
-        for key in gone:
-            _remove(sound, key)
-        try:
-            return _Incomplete.model_validate(sound, context=context), gone
-        except ValidationError as error:  # a key without a default, or one within a list
-            gone += {_around(fault.key, gone) for fault in faults_of(error)}
-
-
-def _around(key: Keys, gone: list[Keys]) -> Keys:
-    """The key, or the innermost table around it that is not gone."""
-    return _around(key[:-1], gone) if key in gone else key
-
-
-def _remove(data: dict[str, Any], key: Keys) -> None:
-    place: Any = data
-    for word in key[:-1]:
-        place = place.get(word) if isinstance(place, dict) else None
-    if isinstance(place, dict):
-        place.pop(key[-1], None)
-
-
-_OPTIONAL: dict[str, Any] = {  # None where a scenario must give something
-    name: (hint, Field(default=None, validate_default=False))
-    for name, hint in get_type_hints(Scenario, include_extras=True).items()
-    if name in Scenario.model_fields and Scenario.model_fields[name].is_required()
-}
-_Incomplete = create_model("_Incomplete", __base__=Scenario, **_OPTIONAL)
 
 
 def set_value(data: dict[str, Any], override: str) -> None:

@@ -4,9 +4,9 @@ A scenario is a TOML file. Keys carry their units, unknown keys are errors, and 
 out has a documented default. `ttwmr export-schema` prints the same as JSON Schema.
 """
 
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self
 
-from pydantic import Field, field_validator, model_validator
+from pydantic import Field, ModelWrapValidatorHandler, field_validator, model_validator
 
 from ttwmr_mj.config import NAME, PATTERNS, Config
 from ttwmr_mj.controllers.base import CONTROLLERS, ControllerOptions
@@ -91,10 +91,13 @@ class Scenario(Config):
     output: OutputOptions = OutputOptions()
     accept: AcceptOptions = AcceptOptions()
 
-    @model_validator(mode="before")
+    @model_validator(mode="wrap")
     @classmethod
-    def _fill_from_world(cls, given: Any) -> Any:
-        return filled(given) if isinstance(given, dict) else given
+    def _fill_from_world(cls, given: Any, validated: ModelWrapValidatorHandler[Self]) -> Self:
+        told = validated(given)  # what is given is refused as it was given
+        if not isinstance(given, dict) or told.world == "kind":
+            return told
+        return validated(filled(given, told))
 
     @field_validator("initial", mode="before")
     @classmethod

@@ -8,13 +8,14 @@ seed draws from it, so that one seed is one world.
 
 import math
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
-
-from ttwmr_mj.robot import RobotParameters
+from pydantic import BaseModel
 
 World = Literal["kind", "lab", "unkind"]
+FILLING = ("lab", "unkind")  # those that fill in something
 Table = dict[str, Any]
 PERIOD_S = 0.033  # control.sampling_time_s, where it is left out
 
@@ -118,7 +119,7 @@ UNKIND = (  # key, range and reason, for who reads
 )
 
 
-def filled(given: Table) -> Table:
+def filled(given: Table, told: BaseModel) -> Table:
     """A scenario's table with what its world adds.
 
     What the scenario gives, stays. Lengths, radii and latencies that the unkind world changes are
@@ -126,23 +127,19 @@ def filled(given: Table) -> Table:
     resolved scenario is filled no further.
 
     Args:
-        given: as in the file, overrides applied; not checked yet.
+        given: as in the file, overrides applied, with a world that fills in something.
+        told: the scenario that it is without that, valid.
     """
-    match given.get("world"):
-        case "lab":
-            return _Filling(given).lab()
-        case "unkind":
-            return _Filling(given).unkind()
-        case _:
-            return given
+    filling = _Filling(given, told)
+    return filling.lab() if given["world"] == "lab" else filling.unkind()
 
 
 class _Filling:
     """A scenario's table, being filled."""
 
-    def __init__(self, given: Table) -> None:
-        self._given, self._table = given, _copied(given)
-        self._camera = self._at("sensing.kind") == "camera"
+    def __init__(self, given: Table, told: BaseModel) -> None:
+        self._given, self._told, self._table = given, told, _copied(given)
+        self._camera = self._value("sensing.kind") == "camera"
 
     def lab(self) -> Table:
         """The laboratory's values."""
@@ -152,7 +149,7 @@ class _Filling:
 
     def unkind(self) -> Table:
         """One draw; all numbers are drawn, in this order, whatever the scenario gives."""
-        rng = np.random.default_rng(np.random.SeedSequence([self._seed(), *b"world"]))
+        rng = np.random.default_rng(np.random.SeedSequence([self._value("seed"), *b"world"]))
         slope, rolling, dry, length, radius, off, tilt = rng.uniform(size=7).tolist()
         downhill, aside, tilted = rng.uniform(-math.pi, math.pi, 3).tolist()
         frames = int(rng.integers(-LATENCY_PERIODS, LATENCY_PERIODS, endpoint=True))
@@ -162,13 +159,10 @@ class _Filling:
         self._add("robot.hitch.coulomb_friction_n_m", DRY_N_M * dry, 0.0)
         longer = 1.0 + LENGTH_SHARE * (2.0 * length - 1.0)
         larger = 1.0 + RADIUS_SHARE * (2.0 * radius - 1.0)
-        outdoors = self._at("robot.preset") == "outdoor"
-        usual = RobotParameters.model_validate({"preset": "outdoor"} if outdoors else {})
-        com, wheel = usual.trailer.com_offset_m, usual.tractor.wheel_radius_m
-        self._change("robot.trailer.com_offset_m", com, lambda told: told * longer)
-        self._change("robot.tractor.wheel_radius_m", wheel, lambda told: told * larger)
-        period = self._number("control.sampling_time_s", PERIOD_S)
-        self._change("latency_s", period, lambda told: max(told + frames * period, 0.0))
+        self._change("robot.trailer.com_offset_m", lambda told: told * longer)
+        self._change("robot.tractor.wheel_radius_m", lambda told: told * larger)
+        period = self._value("control.sampling_time_s")
+        self._change("sensing.latency_s", lambda told: max(told + frames * period, 0.0), period)
         if self._camera:
             self._move("x_m", CAMERA_M * math.sqrt(off) * math.cos(aside))
             self._move("y_m", CAMERA_M * math.sqrt(off) * math.sin(aside))
@@ -193,21 +187,26 @@ class _Filling:
         if believed is not None and self._at(belief) is None:
             _set(self._table, belief, believed)
 
-    def _change(self, key: str, usual: float, change: Callable[[float], float]) -> None:
-        """A value changed, while the one that the scenario gives is believed."""
-        where = f"sensing.{key}" if key == "latency_s" else key
-        if self._at(f"belief.{key}") is None:
-            told = self._number(where, usual)
-            _set(self._table, f"belief.{key}", told)
-            _set(self._table, where, change(told))
+    def _change(
+        self, key: str, change: Callable[[float], float], usual: float | None = None
+    ) -> None:
+        """A value changed, while the one that the scenario gives is believed.
 
-    def _seed(self) -> int:
-        seed = self._at("seed")
-        return seed if isinstance(seed, int) and seed >= 0 else 0
+        Args:
+            key: of the value.
+            change: from the one that is given.
+            usual: in place of the schema's default, where none is given.
+        """
+        belief = f"belief.{key.removeprefix('sensing.')}"
+        if self._at(belief) is not None:
+            return
+        told = self._value(key) if usual is None or self._at(key) is not None else usual
+        _set(self._table, belief, told)
+        _set(self._table, key, change(told))
 
-    def _number(self, key: str, usual: float) -> float:
-        value = self._at(key)
-        return float(value) if isinstance(value, int | float) else usual
+    def _value(self, key: str) -> Any:
+        """What the scenario gives, or else its default."""
+        return attrgetter(key)(self._told)
 
     def _at(self, key: str) -> Any:
         """What the scenario gives; None if nothing, or not in tables.
