@@ -47,6 +47,14 @@ def test_the_smallest_value_told_is_taken(values: list[str], key: str, more: flo
     assert key not in [fault.where for fault in faults]
 
 
+@pytest.mark.parametrize("latency_s", [0.0002, 0.0005])
+def test_a_period_shorter_than_a_step_is_told_the_nearest(latency_s: float) -> None:
+    given = ["plant.kind=analytic", "duration_s=0.1", f"control.command_latency_s={latency_s}"]
+    near = r"sampling_time_s: got 0\.0002; .* steps of 0\.0005 s .*; nearest: 0\.0005$"
+    with pytest.raises(tt.InputError, match=f"(?m){near}"):
+        tt.load_scenario("lab_circle", [*given, "control.sampling_time_s=0.0002"])
+
+
 @pytest.mark.parametrize("damping", [1.0, 3.3, 7.7, 10.0, 150.0])
 def test_the_longest_step_told_is_taken(damping: float) -> None:
     values = ['plant.kind="analytic"', f"robot.hitch.damping_n_m_s_rad={damping}"]

@@ -194,12 +194,11 @@ def _torque_input(scenario: Scenario) -> Iterable[Fault]:
 
 def _integration(scenario: Scenario) -> Iterable[Fault]:
     """Whether the plant made of equations takes these steps; under torques it takes its own."""
+    if scenario.plant.kind != "analytic" or scenario.control.torque_input:
+        return
     published_train = scenario.plant.analytic.published_spring and len(scenario.robot.trailers) > 1
-    if (
-        scenario.plant.kind == "analytic"
-        and not scenario.control.torque_input
-        and not published_train  # is another check's
-    ):
+    broken_steps = scenario.control.command_latency_s and any(timing.physics_step_faults(scenario))
+    if not published_train and not broken_steps:  # which are other checks'
         yield from _refused(partial(plant_of_equations, scenario))
 
 
