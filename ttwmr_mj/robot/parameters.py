@@ -180,9 +180,10 @@ def _as_lists(given: dict[str, Any]) -> dict[str, Any]:
     for first, name in RobotParameters.FIRST.items():
         if first not in lists:
             continue
-        value, entries = lists.pop(first), lists.get(name) or [{}]
-        if isinstance(entries, list | tuple) and isinstance(entries[0], dict | BaseModel):
-            lists[name] = [merged(entries[0], value), *entries[1:]]  # else its own fault is enough
+        value, entries = lists.pop(first), lists.get(name, [{}])
+        match entries:  # of what is no list of tables, its own fault is enough
+            case list() | tuple() if entries and isinstance(entries[0], dict | BaseModel):
+                lists[name] = [merged(entries[0], value), *entries[1:]]
     return lists
 
 
