@@ -109,6 +109,8 @@ DAMAGES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "tilt beyond all bounds": (at("tilt_rad", 3, 1e300), r"its column tilt_rad is 1e\+300"),
     "height beyond all bounds": (at("height_m", 3, 1e5), "its column height_m is 100000"),
     "wheels": (at("wheels_on_floor", 3, 5.0), "its column wheels_on_floor is 5"),
+    "an age beyond all bounds": (at("measurement_age_s", 3, 1e30), "its column .*_age_s is 1e"),
+    "an age before all times": (at("measurement_age_s", 3, -INF), "its column .*_age_s is -inf"),
     "commands": (at("wheel_left_cmd_rad_s", 3, NAN), "its column wheel_left_cmd_rad_s is nan"),
     "a train": (
         lambda c: (

@@ -131,6 +131,8 @@ class StoredRun:
                 unknown.update(names)
         for name, values in columns.items():
             sound = np.abs(values[:reached]) <= _most(name, rows.q.shape[-1])
+            if name == "measurement_age_s":  # infinite until there is a first measurement
+                sound |= values[:reached] == np.inf
             if not sound.all() and name not in unknown and not name.startswith("ref_"):
                 k = int(sound.argmin())
                 yield f"its column {name} is {values[k]:g} at {rows.time_s[k]:g} s"
@@ -140,8 +142,6 @@ def _most(name: str, width: int) -> float:
     """How large a number of a column may be."""
     if name in q_names(width):
         return ESCAPE
-    if name == "measurement_age_s":  # infinite until there is a first measurement
-        return np.inf
     if name == "height_m":
         return ESCAPE
     return MOST_WHEELS if name == "wheels_on_floor" else LARGEST
