@@ -270,7 +270,7 @@ def test_a_photographed_board_calibrates_like_a_simulated_one(tmp_path: Path) ->
     for name, poses in shots.items():
         for i, pose in enumerate(poses):
             cv2.imwrite(str(tmp_path / name / f"{i}.JPG"), source.take(*pose, 0.0))
-    found = calibrate_from_images(tmp_path)
+    found, _ = calibrate_from_images(tmp_path)
     assert len(shots["flat"]) + 20 <= found.views <= 30
     # JPEG and the corners' 0.01 px
     assert found.camera.focal_px == pytest.approx(source.true.focal_px, abs=0.5)
