@@ -11,7 +11,7 @@ from PIL import Image as Pillow
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.vision.calibration.board import BoardView, find_board
+from ttwmr_mj.vision.calibration.board import BoardView, board_print, find_board
 from ttwmr_mj.vision.calibration.calibrate import Calibration, _held_poses, calibrate
 from ttwmr_mj.vision.calibration.floor import Pose, flat_pose, rotation
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -151,6 +151,32 @@ def test_pictures_of_the_origin_that_all_contradict_are_named() -> None:
     ]
     with pytest.raises(InputError, match=r"none agrees with the rest; allowed"):
         calibrate(held, blurred, [], CAMERA.width_px, CAMERA.height_px)
+
+
+@pytest.mark.parametrize(
+    ("third_row", "lost_marker", "corners"),
+    [(0, False, 0), (2, True, 0), (2, False, 8)],
+    ids=["a row", "a row and one more", "a row and two more"],
+)
+def test_corners_in_one_row_are_no_view(third_row: int, lost_marker: bool, corners: int) -> None:
+    """A picture of two rows of squares and as many of the third, without the marker below left."""
+    side, margin = 100, 40
+    board = board_print(side)
+    board[2 * side :, third_row * side :] = 255
+    board[3 * side :] = 255
+    if lost_marker:
+        board[side : 2 * side, :side] = 255
+    sheet = np.pad(board, margin, constant_values=255)
+    view = find_board(np.repeat(sheet[..., None], 3, axis=2))
+    assert (0 if view is None else len(view.pixels)) == corners
+
+
+def test_views_that_opencv_cannot_solve_are_not_told_as_untilted() -> None:
+    origin = seen(ORIGIN, "origin", 2)
+    row = [BoardView(view.points_m[:6], view.pixels[:6]) for view in origin]
+    with pytest.raises(InputError, match=r"from the 26 views; show more of the board") as refusal:
+        calibrate(seen(held_poses(), "held", 1), row, [], CAMERA.width_px, CAMERA.height_px)
+    assert "tilt" not in str(refusal.value)
 
 
 def test_pictures_that_show_too_little_of_the_board_are_named(

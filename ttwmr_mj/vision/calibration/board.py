@@ -33,6 +33,7 @@ UNTIL_REFINED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 1e-5)
 REACH_M = 0.5 * (SQUARE_M - MARKER_M)  # from a corner to the nearest marker
 MIN_REACH_PX = 3.0  # fewer pixels leave a saddle to noise
 MIN_CORNERS = 6  # fewer say little about a pose
+MIN_BESIDE_ROW = 2  # corners outside the fullest row: with fewer many poses look the same
 SIZE_M: FloatArray = SQUARE_M * np.array(SQUARES)
 
 
@@ -45,11 +46,11 @@ class BoardView(NamedTuple):
 
 
 def find_board(image: Image) -> BoardView | None:
-    """The board's inner corners in an image, or None where fewer than `MIN_CORNERS` are seen."""
+    """The board's inner corners in an image, or None where those seen determine no pose."""
     grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY), dtype=np.uint8)
     board = _board()
     corners, ids, _, _ = cv2.aruco.CharucoDetector(board).detectBoard(grey)
-    if ids is None or len(ids) < MIN_CORNERS:
+    if ids is None or not _determine_pose(np.asarray(ids, dtype=np.int64).ravel()):
         return None
     rough = np.asarray(corners, dtype=np.float64).reshape(-1, 2)
     on_board = np.asarray(board.getChessboardCorners(), dtype=np.float64)[ids.ravel(), :2]
@@ -101,6 +102,12 @@ class BoardCamera:
     def close(self) -> None:
         """Give back what OpenGL holds."""
         self._renderer.close()
+
+
+def _determine_pose(ids: NDArray[np.int64]) -> bool:
+    """Whether corners of these numbers (n,), counted row by row, tell how the board is held."""
+    fullest = np.bincount(ids // (SQUARES[0] - 1)).max()
+    return len(ids) >= MIN_CORNERS and len(ids) - fullest >= MIN_BESIDE_ROW
 
 
 def _refined(grey: Image, corners_px: FloatArray, reach_px: float) -> FloatArray:

@@ -101,7 +101,11 @@ def _intrinsics(
             points, pixels, (width_px, height_px), None, None, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
-        raise _undetermined(f"({error.err})") from error
+        raise InputError.at(
+            "calibration",
+            f"OpenCV cannot solve for a camera from the {len(views)} views",
+            hint="show more of the board in each: six corners or more, in two rows and columns",
+        ) from error
     poses = np.concatenate(vectors, axis=1)[:, :, 0]
     _refuse_alike(poses)
     _refuse_narrow(np.ptp(np.concatenate(pixels), axis=0) / [width_px, height_px])
