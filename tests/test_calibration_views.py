@@ -33,13 +33,13 @@ FLAT = [flat_pose(*pose) for pose in ((0.5, 0.3, 0.5), (-0.5, 0.3, -0.4), (-0.5,
 ORIGIN = [flat_pose(0.0, 0.0, 0.0)] * 2
 
 
-def seen(poses: list[Pose], folder: str, seed: int) -> list[BoardView]:
+def seen(poses: list[Pose], folder: str, seed: int, noise_px: float = NOISE_PX) -> list[BoardView]:
     rng = np.random.default_rng(seed)
     return [
         BoardView(
             CORNERS_M,
             CAMERA.project(middle + CORNERS_M @ turned[:, :2].T)
-            + rng.normal(0.0, NOISE_PX, CORNERS_M.shape),
+            + rng.normal(0.0, noise_px, CORNERS_M.shape),
             f"{folder}/{i}.png",
         )
         for i, (middle, turned) in enumerate(poses)
@@ -90,6 +90,20 @@ def test_boards_that_are_not_tilted_every_way_are_refused(
 ) -> None:
     with pytest.raises(InputError, match=r"parallel, or tilted about one axis only.* 4° are need"):
         calibrated(held, origin, flat)
+
+
+@pytest.mark.parametrize("seed", [3, 5, 10])
+def test_noise_does_not_pass_for_tilt(seed: int) -> None:
+    """With 1 px of it boards that lie parallel are seen as tilted by more than 4°."""
+    untilted_views = seen([untilted(pose) for pose in held_poses()], "held", seed, 1.0)
+    tilted_views = seen(held_poses(), "held", seed, 1.0)
+    floor = seen(ORIGIN, "origin", 2, 1.0), seen(FLAT, "flat", 3, 1.0)
+    size_px = CAMERA.width_px, CAMERA.height_px
+    with pytest.raises(InputError, match=r"length has a standard deviation of [\d.]+%, and 7%"):
+        calibrate(untilted_views, *floor, *size_px)
+    found = calibrate(tilted_views, *floor, *size_px).camera
+    # three times the deviation that is allowed
+    assert found.focal_px == pytest.approx(CAMERA.focal_px, rel=0.21)
 
 
 def test_boards_in_the_middle_of_the_picture_are_refused() -> None:

@@ -24,6 +24,9 @@ MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
 # of the boards' normals, rms. At 4° and with 0.3 px of noise in the corners of 24 views the focal
 # length is 3 % off; parallel boards reach 2.5° by such noise, and boards tilted every way 11°
 MIN_SPREAD_RAD = np.radians(4.0)
+# standard deviation of a focal length, in focal lengths. With 0.5 px of noise it is 8 to 40 % for
+# parallel boards that reach 4° by it, and 6 % for eight boards tilted every way
+MOST_FOCAL_DEVIATION = 0.07
 # of the picture's width and height. With half of it the corners are up to 8 px off at 0.05 px of
 # noise, with 0.8 of it 2 px
 MIN_REACH = 0.6
@@ -96,9 +99,10 @@ def _intrinsics(
     """
     points = [np.insert(view.points_m, 2, 0.0, axis=1).astype(np.float32) for view in views]
     pixels = [view.pixels.astype(np.float32) for view in views]
+    size_px, unknown = (width_px, height_px), (np.eye(3), np.zeros(5))
     try:
-        rms, matrix, distortion, *vectors = cv2.calibrateCamera(
-            points, pixels, (width_px, height_px), None, None, flags=cv2.CALIB_FIX_K3
+        rms, matrix, distortion, turns, shifts, deviation, *_ = cv2.calibrateCameraExtended(
+            points, pixels, size_px, *unknown, flags=cv2.CALIB_FIX_K3
         )
     except cv2.error as error:
         raise InputError.at(
@@ -106,9 +110,11 @@ def _intrinsics(
             f"OpenCV cannot solve for a camera from the {len(views)} views",
             hint="show more of the board in each: six corners or more, in two rows and columns",
         ) from error
-    poses = np.concatenate(vectors, axis=1)[:, :, 0]
+    poses = np.concatenate([turns, shifts], axis=1)[:, :, 0]
     _refuse_alike(poses)
-    _refuse_narrow(np.ptp(np.concatenate(pixels), axis=0) / [width_px, height_px])
+    focal_px, focal_deviation_px = np.diag(matrix)[:2], np.ravel(deviation)[:2]
+    _refuse_loose(float((focal_deviation_px / focal_px).max()))
+    _refuse_narrow(np.ptp(np.concatenate(pixels), axis=0) / size_px)
     solved = np.asarray(matrix, dtype=np.float64)
     inner = CameraModel(
         width_px=width_px,
@@ -142,6 +148,16 @@ def _refuse_alike(poses: FloatArray) -> None:
             "as the boards in them are parallel, or tilted about one axis only: across it they "
             f"differ by {np.degrees(np.arcsin(spread)):.1f}°, and "
             f"{np.degrees(MIN_SPREAD_RAD):g}° are needed"
+        )
+
+
+def _refuse_loose(focal_deviation: float) -> None:
+    """Noise in the corners passes for tilt; its share of a focal length tells them apart."""
+    if not focal_deviation <= MOST_FOCAL_DEVIATION:
+        raise _undetermined(
+            f"well: its focal length has a standard deviation of {focal_deviation:.1%}, and "
+            f"{MOST_FOCAL_DEVIATION:.0%} at most is allowed",
+            f"{TILT}, or take more of them, sharper",
         )
 
 
