@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from unittest import mock
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from PIL import Image as Pillow
 
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.vision.calibration import floor
 from ttwmr_mj.vision.calibration.board import BoardView, board_print, find_board
 from ttwmr_mj.vision.calibration.calibrate import Calibration, _held_poses, calibrate
 from ttwmr_mj.vision.calibration.floor import Pose, flat_pose, rotation
@@ -127,6 +129,7 @@ IN_THE_HAND: Pose = (np.array([0.3, 0.2, 0.6]), rotation(np.array([0.4, 0.2, 0.7
         (ORIGIN, [*FLAT, IN_THE_HAND], "flat/3.png"),
         ([*ORIGIN, HALF_TURN], [IN_THE_HAND, *FLAT], "origin/2.png, flat/0.png"),
         (ORIGIN[:1], [IN_THE_HAND], "flat/0.png"),
+        ([IN_THE_HAND, *ORIGIN[:1]], FLAT, "origin/0.png"),
     ],
 )
 def test_a_picture_that_contradicts_the_others_is_named(
@@ -134,6 +137,28 @@ def test_a_picture_that_contradicts_the_others_is_named(
 ) -> None:
     with pytest.raises(InputError, match=f"contradict each other.* agree without {named};"):
         calibrated(held_poses(), origin, flat)
+
+
+@pytest.mark.parametrize(
+    ("origin", "flat", "told"),
+    [
+        (1, 0, "none agrees with the rest;"),
+        (1, 2, r"only origin/0\.png, flat/0\.png, flat/1\.png agree with each other;"),
+        (0, 0, "none agrees with the rest;"),
+    ],
+)
+def test_many_pictures_that_contradict_are_told_in_few_solutions(
+    origin: int, flat: int, told: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Beside as many right ones at the origin and flat, all others are of boards in the hand."""
+    solutions = mock.Mock(wraps=floor._solved)
+    monkeypatch.setattr(floor, "_solved", solutions)
+    held = held_poses()
+    at_origin = [*ORIGIN[:origin], *([] if origin else held[:8])]
+    with pytest.raises(InputError, match=rf"contradict each other, one by .* px; {told}"):
+        calibrated(held, at_origin, [*FLAT[:flat], *held[8:20]])
+    # all, each of the flat ones beside what is at the origin, and those that fit
+    assert solutions.call_count <= 2 + 12 + flat
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -39,7 +39,8 @@ def place(inner: CameraModel, lying: list[Lying], rms_px: float) -> tuple[Camera
         rms_px: what the intrinsics leave over.
 
     Raises:
-        InputError: the views contradict each other; it names those that do not fit the others.
+        InputError: the views contradict each other; it names those that do not fit the others, or
+            where these are most of them, those that do.
     """
     camera, rms, misfit = _solved(inner, lying)
     # no floor and no board is flatter than the board is thick
@@ -47,11 +48,15 @@ def place(inner: CameraModel, lying: list[Lying], rms_px: float) -> tuple[Camera
     most_px = max(MOST_MISFIT * rms_px, board_px)
     if misfit.max() <= most_px:
         return camera, rms
-    unlike = _unlike(inner, lying, most_px)
-    names = ", ".join(one.view.picture or "a view" for one in unlike)
-    others = (
-        "none agrees with the rest" if len(unlike) == len(lying) else f"they agree without {names}"
-    )
+    alike = _alike(inner, lying, most_px)
+    names = [one.view.picture or "a view" for one in lying]
+    if 2 * len(alike) >= len(lying):
+        unlike = (name for i, name in enumerate(names) if i not in alike)
+        others = f"they agree without {', '.join(unlike)}"
+    elif len(alike) > 1:
+        others = f"only {', '.join(names[i] for i in alike)} agree with each other"
+    else:
+        others = "none agrees with the rest"
     raise InputError.at(
         "calibration",
         f"the pictures of the floor contradict each other, one by {misfit.max():.1f} px; {others}",
@@ -61,18 +66,39 @@ def place(inner: CameraModel, lying: list[Lying], rms_px: float) -> tuple[Camera
     )
 
 
-def _unlike(inner: CameraModel, lying: list[Lying], most_px: float) -> list[Lying]:
-    """Views without which the others agree: each time the one whose absence helps most."""
-    left, out = lying, []
-    while _solved(inner, left)[2].max() > most_px:
-        rests = [[*left[:i], *left[i + 1 :]] for i in range(len(left))]
-        rests = [rest for rest in rests if any(one.at_origin for one in rest)]
-        if not rests:  # not even a single one is what a board would look like
-            return lying
-        best = min(rests, key=lambda rest: _solved(inner, rest)[1])
-        out += [one for one in left if all(one is not other for other in best)]
-        left = best
-    return out
+def _alike(inner: CameraModel, lying: list[Lying], most_px: float) -> list[int]:
+    """Which views agree, as many as are found, one at the origin among them; or none.
+
+    Those at the origin are compared with each other, and each of the others with them: one
+    solution of all spreads what is wrong in one over the rest.
+    """
+
+    def misfit(chosen: list[int]) -> FloatArray:
+        return _solved(inner, [lying[i] for i in chosen])[2]
+
+    origin = [i for i, one in enumerate(lying) if one.at_origin]
+    fits = [[j for j in origin if _apart(inner, lying[i], lying[j]) <= most_px] for i in origin]
+    most = max(map(len, fits))
+    same = [one for i, one in enumerate(fits) if len(one) == most and one not in fits[:i]]
+    alike = same[0]
+    if 2 * most >= len(origin):  # otherwise no floor is known
+        elsewhere = range(len(origin), len(lying))
+        for one in same[:2]:  # halves
+            flat = [i for i in elsewhere if misfit([*one, i]).max() <= most_px]
+            alike = max(alike, [*one, *flat], key=len)
+    while any(i in origin for i in alike):
+        left_px = misfit(alike)
+        if left_px.max() <= most_px:
+            return alike
+        alike = [i for i in alike if i != alike[int(left_px.argmax())]]
+    return []
+
+
+def _apart(inner: CameraModel, one: Lying, other: Lying) -> float:
+    """By how much [px, rms] a board where the one lies is not what the other view shows."""
+    points = np.insert(other.view.points_m, 2, 0.0, axis=1)
+    error = _at(inner, one.pose).project(points) - other.view.pixels
+    return float(np.sqrt((error**2).sum(axis=1).mean()))
 
 
 def _solved(inner: CameraModel, lying: list[Lying]) -> tuple[CameraModel, float, FloatArray]:
