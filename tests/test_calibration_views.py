@@ -75,6 +75,11 @@ def test_good_views_find_the_camera() -> None:
     assert found.camera.position_m == pytest.approx(CAMERA.position_m, abs=0.015)
 
 
+def test_the_same_views_find_the_same_bits() -> None:
+    found = (calibrated(held_poses(), ORIGIN, FLAT).camera.focal_px for _ in range(6))
+    assert len({focal_px.tobytes() for focal_px in found}) == 1
+
+
 @pytest.mark.parametrize(
     ("held", "origin", "flat"),
     [

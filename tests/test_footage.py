@@ -88,6 +88,17 @@ def test_a_video_with_a_gap_is_whole_and_one_without_its_end_is_not(
             taken(tmp_path / file)
 
 
+def test_a_video_without_its_last_frames_is_told(tmp_path: Path) -> None:
+    """Of 60 the last ones, less than a tenth; containers miscount by one or two."""
+    path = tmp_path / "cut.avi"
+    film(path, ["-c:v", "mjpeg", "-vf", "loop=loop=4:size=12:start=0"])
+    whole = path.read_bytes()
+    assert len(taken(path)[1]) == 60
+    path.write_bytes(whole[: len(whole) * 93 // 100])
+    with pytest.raises(RunError, match=r"ended after 5[4-7] frames, 1\.[89] of 2\.0 s: damaged"):
+        taken(path)
+
+
 @pytest.mark.parametrize("name", ["{}.png", "shot {} of 12.png", "{:04d}.png"])
 def test_pictures_come_in_the_order_of_the_numbers_in_their_names(
     name: str, tmp_path: Path

@@ -19,7 +19,7 @@ from ttwmr_mj.vision.quiet import quiet
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
 MOST_RATE_HZ = 1e5  # no camera's: a damaged header's
 MOST_S = 1e6  # eleven days
-MISCOUNTED = 0.05  # of a video's frames and of its length: containers round
+MISCOUNTED, MISCOUNTED_FRAMES = 2e-3, 2.0  # of a video's frames and length: containers round
 MOST_BYTES = 100_000_000  # of annotations: those of 50,000 frames
 
 
@@ -117,7 +117,7 @@ def _frames(stream: cv2.VideoCapture, source: str) -> Iterator[Frame]:
         yield Frame(np.asarray(image, dtype=np.uint8), time_s, truth=None)
     # of uneven rate there are fewer frames than many containers promise, but not less time
     reached = max(count, time_s / period_s + 1.0)
-    if count and reached < (1.0 - MISCOUNTED) * promised - 1.0:
+    if count and reached < (1.0 - MISCOUNTED) * promised - MISCOUNTED_FRAMES:
         ends = f"{time_s + period_s:.1f} of {promised * period_s:.1f} s"
         raise RunError(f"{source}: ended after {count} frames, {ends}: damaged or cut off")
 

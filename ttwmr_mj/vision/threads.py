@@ -1,5 +1,7 @@
-"""OpenCV on one thread while a camera runs; its threads are the process's, and given back."""
+"""OpenCV on one thread while a camera runs or is calibrated; its threads are given back."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from threading import Lock
 
 import cv2
@@ -26,3 +28,13 @@ def give_back() -> None:
         _running -= 1
         if _running == 0:
             cv2.setNumThreads(_before)
+
+
+@contextmanager
+def one_thread() -> Iterator[None]:
+    """While it lasts OpenCV sums in one order, so that the same input gives the same bits."""
+    keep_to_one()
+    try:
+        yield
+    finally:
+        give_back()

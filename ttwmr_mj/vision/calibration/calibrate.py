@@ -19,6 +19,7 @@ from ttwmr_mj.vision.calibration.floor import Lying, Pose, flat_pose, place, rot
 from ttwmr_mj.vision.camera.lens import CAMERA
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions
+from ttwmr_mj.vision.threads import one_thread
 
 MIN_VIEWS = 8  # OpenCV solves fewer, to no purpose
 # of the boards' normals, rms. At 4° and with 0.3 px of noise in the corners of 24 views the focal
@@ -101,9 +102,10 @@ def _intrinsics(
     pixels = [view.pixels.astype(np.float32) for view in views]
     size_px, unknown = (width_px, height_px), (np.eye(3), np.zeros(5))
     try:
-        rms, matrix, distortion, turns, shifts, deviation, *_ = cv2.calibrateCameraExtended(
-            points, pixels, size_px, *unknown, flags=cv2.CALIB_FIX_K3
-        )
+        with one_thread():
+            rms, matrix, distortion, turns, shifts, deviation, *_ = cv2.calibrateCameraExtended(
+                points, pixels, size_px, *unknown, flags=cv2.CALIB_FIX_K3
+            )
     except cv2.error as error:
         raise InputError.at(
             "calibration",
