@@ -143,6 +143,7 @@ def test_a_drive_that_is_stopped_is_no_success(signum: signal.Signals, tmp_path:
     assert json.loads((tmp_path / "out" / "metrics.json").read_text())["status"] == "interrupted"
 
 
+@pytest.mark.slow
 def test_a_drive_pauses_as_a_shell_asks_and_goes_on(tmp_path: Path) -> None:
     """Ctrl-Z: the shell's terminal is as it was; after `fg` keys are taken again, one by one."""
     command = [sys.executable, "-m", "ttwmr_mj", "drive", "--out", "out", "--live=none"]

@@ -164,6 +164,7 @@ def test_a_terminal_that_stops_who_prints_in_its_background_stops_no_run(tmp_pat
         assert run.wait(timeout=60) == 0  # it was ended after 90 s, with exit code 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("code", ["input()", "breakpoint()", "os.read(0, 1)"])
 def test_a_law_that_reads_from_the_terminal_is_told_at_once(code: str, tmp_path: Path) -> None:
     """A terminal stops who reads from it in its background."""
@@ -175,12 +176,14 @@ def test_a_law_that_reads_from_the_terminal_is_told_at_once(code: str, tmp_path:
     assert ("Input/output error" if "os" in code else "tt.simulate lets it read") in said["reason"]
 
 
+@pytest.mark.slow
 def test_a_law_reads_what_is_piped_to_it(tmp_path: Path) -> None:
     law_in(tmp_path, "at_start", "assert input() == 'a word'")
     line = [*TTWMR, "run", "mine.toml", "--quiet", "--out", "out", *(f"--set={c}" for c in BARE)]
     subprocess.run(line, cwd=tmp_path, input=b"a word\n", check=True)
 
 
+@pytest.mark.slow
 def test_a_law_stops_and_goes_on_with_its_command(tmp_path: Path) -> None:
     """Ctrl-Z in a shell reaches the command, and its law's process is a group of its own."""
     here = "open('law', 'w').write(str(os.getpid())); time.sleep(0.2)"

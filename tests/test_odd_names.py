@@ -58,8 +58,8 @@ def test_a_video_is_in_the_folder_of_its_name(name: str, home: Path) -> None:
     film = Path(name, f"{name[:-1]}1:%d.mp4")
     film.parent.mkdir()
     write_video(film, [np.zeros((480, 640, 3), np.uint8)] * 3, (640, 480), 30.0)
-    with open_footage(str(film), camera) as footage:
-        assert len(list(footage.frames)) == 3
+    with open_footage(str(film), camera) as frames:
+        assert len(list(frames)) == 3
     assert list(film.parent.iterdir()) == [film]
     assert not list(home.iterdir())
 
