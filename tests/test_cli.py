@@ -206,6 +206,14 @@ def test_export_schema_is_json_schema(tmp_path: Path) -> None:
     written = ttwmr("export-schema", "--out", "schema.json", cwd=tmp_path)
     assert (written.returncode, written.stdout, written.stderr) == (0, "", "")
     assert json.loads((tmp_path / "schema.json").read_text()) == schema
+    (tmp_path / "schema.json").write_text("mine")
+    refused = ttwmr("export-schema", "--out", "schema.json", cwd=tmp_path)
+    told = "ttwmr: --out: there is schema.json already; name another, or add --force"
+    assert (refused.returncode, refused.stdout, refused.stderr.strip()) == (2, "", told)
+    assert (tmp_path / "schema.json").read_text() == "mine"
+    replaced = ttwmr("export-schema", "--out", "schema.json", "--force", cwd=tmp_path)
+    assert (replaced.returncode, replaced.stdout, replaced.stderr) == (0, "", "")
+    assert json.loads((tmp_path / "schema.json").read_text()) == schema
 
 
 def test_doctor_reports_versions_and_backends(tmp_path: Path) -> None:

@@ -129,15 +129,18 @@ EVERYTHING = {
     f"drive a {SHARED} --live=none --longest 9 --out o --force --quiet --debug": DriveCommand(
         scenario="a", live="none", longest=9.0, debug=True, **OVERRIDES, **FOLDER
     ),
-    "video r -o r.gif --view chase --speed 2 --start 1 --stop 3 --quiet --debug": VideoCommand(
-        run=Path("r"),
-        out=Path("r.gif"),
-        view="chase",
-        speed=2.0,
-        start=1.0,
-        stop=3.0,
-        quiet=True,
-        debug=True,
+    "video r -o r.gif --view chase --speed 2 --start 1 --stop 3 --force --quiet --debug": (
+        VideoCommand(
+            run=Path("r"),
+            out=Path("r.gif"),
+            view="chase",
+            speed=2.0,
+            start=1.0,
+            stop=3.0,
+            force=True,
+            quiet=True,
+            debug=True,
+        )
     ),
     "reproduce --out o --only fig-3 --only fig-4 --quiet --debug": Reproduce(
         out=Path("o"), only=("fig-3", "fig-4"), quiet=True, debug=True
@@ -164,7 +167,9 @@ EVERYTHING = {
     "list --debug": List(debug=True),
     "view r.rrd --web --debug": View(recording=Path("r.rrd"), web=True, debug=True),
     "doctor --debug": Doctor(debug=True),
-    "export-schema --out s.json --debug": ExportSchema(out=Path("s.json"), debug=True),
+    "export-schema --out s.json --force --debug": ExportSchema(
+        out=Path("s.json"), force=True, debug=True
+    ),
 }
 NOTHING = {
     "run a": {
@@ -203,8 +208,15 @@ NOTHING = {
     "reproduce": {"out": Path("results/reproduce"), "only": ()},
     "view": {"recording": None, "web": False},
     "drive": {"scenario": "lab_circle", "live": "auto", "longest": 600.0},
-    "video r": {"out": Path("run.mp4"), "view": "both", "speed": 1.0, "start": 0.0, "stop": None},
-    "export-schema": {"out": None},
+    "video r": {
+        "out": Path("run.mp4"),
+        "view": "both",
+        "speed": 1.0,
+        "start": 0.0,
+        "stop": None,
+        "force": False,
+    },
+    "export-schema": {"out": None, "force": False},
     "new a": {"wanted": "a", "controller": False, "out": Path()},
     "plan a": {
         "points": Path("a"),

@@ -218,7 +218,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
     assert min(board.shape) > 500
     (tmp_path / "board.png").write_bytes(b"mine")
     again = ttwmr("calibrate", "--board", "board.png", cwd=tmp_path)
-    told = "ttwmr: --board: got board.png; it is there already; name another, or add --force"
+    told = "ttwmr: --board: there is board.png already; name another, or add --force"
     assert (again.returncode, again.stderr.strip()) == (2, told)
     assert (tmp_path / "board.png").read_bytes() == b"mine"
     assert ttwmr("calibrate", "--board", "board.png", "--force", cwd=tmp_path).returncode == 0
@@ -247,7 +247,7 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         (
             "there.yaml",
             ["calibrate", "--out", "there.yaml"],
-            "--out: got there.yaml; it is there al",
+            "--out: there is there.yaml already; na",
         ),
         ("", ["calibrate", "--board", "b.png", "--images", "x"], "--images would not be used"),
         ("", ["calibrate", "x", "--board", "b.png", "--seed", "1"], "SCENARIO, --seed would not"),

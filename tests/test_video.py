@@ -180,7 +180,10 @@ def test_what_cannot_be_shown_is_refused(
 def test_a_film_of_one_frame(run: Path, tmp_path: Path) -> None:
     out = tmp_path / "film.gif"
     words = ["video", str(run), "-o", str(out), "--view", "overhead", "--speed", "100"]
-    assert main([*words, "--quiet"]) == 0
+    out.write_text("mine")
+    assert main([*words, "--quiet"]) == 2
+    assert out.read_text() == "mine"
+    assert main([*words, "--force", "--quiet"]) == 0
     assert len(frames_of(out)[0]) == 1
 
 

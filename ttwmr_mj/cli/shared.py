@@ -11,7 +11,15 @@ from typing import TYPE_CHECKING
 
 from ttwmr_mj.cli.engine import Subcommand, option
 from ttwmr_mj.cli.last_resort import say
-from ttwmr_mj.errors import InputError, MachineError, RunError, is_of_input, of_system, to_copy
+from ttwmr_mj.errors import (
+    Fault,
+    InputError,
+    MachineError,
+    RunError,
+    is_of_input,
+    of_system,
+    to_copy,
+)
 
 if TYPE_CHECKING:
     from ttwmr_mj.recording.stream.live import LiveView
@@ -66,6 +74,34 @@ class NewFolder(Quiet):
                 if is_of_input(error) and folder.is_dir():
                     raise
                 raise RunError(f"{of_system(error)}; {kept(folder)}") from error
+
+
+class NewFiles(Subcommand):
+    """Subcommands that write files which the user names."""
+
+    force: bool = option("replace files that are there")
+
+    def in_the_way(self, key: str, *files: Path) -> list[Fault]:
+        """What is there and must not be replaced; a device or a pipe is written to.
+
+        Args:
+            key: the option that names the files.
+            files: what the command would write.
+        """
+        there = [str(file) for file in files if file.is_file()]
+        if self.force or not there:
+            return []
+        problem, hint = f"there is {', '.join(there)} already", "name another, or add --force"
+        return [Fault(key=(key,), problem=problem, hint=hint)]
+
+    def refuse_to_replace(self, key: str, *files: Path) -> None:
+        """As `in_the_way`.
+
+        Raises:
+            InputError: something is there.
+        """
+        if faults := self.in_the_way(key, *files):
+            raise InputError(*faults)
 
 
 class Overrides(Subcommand):

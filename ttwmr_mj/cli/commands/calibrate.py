@@ -3,13 +3,13 @@
 from pathlib import Path
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Overrides
+from ttwmr_mj.cli.shared import NewFiles, Overrides
 from ttwmr_mj.errors import InputError
 
 LAB, OUT = "lab_circle_camera", Path("calibration.yaml")
 
 
-class Calibrate(Overrides, name="calibrate"):
+class Calibrate(Overrides, NewFiles, name="calibrate"):
     """Calibrate a camera with a ChArUco board."""
 
     scenario: str = argument("scenario whose simulated camera is calibrated", LAB)
@@ -21,7 +21,6 @@ class Calibrate(Overrides, name="calibrate"):
         metavar="PNG",
     )
     out: Path = option("file for the calibration", OUT, metavar="YAML")
-    force: bool = option("replace a file that is there")
 
     def __call__(self) -> int:
         from ttwmr_mj.studies.calibrate import (
@@ -35,14 +34,14 @@ class Calibrate(Overrides, name="calibrate"):
         if self.board is not None:
             files = {"--images": self.images is not None, "--out": self.out != OUT}
             self._refuse_beside("--board", files | self._of_scenario())
-            self._refuse_to_replace("--board", self.board)
+            self.refuse_to_replace("--board", self.board)
             write_board(self.board)
             print(
                 f"written to {self.board}\nprint it at 100 %, on A2 or larger, and measure a "
                 f"square: it must be {1e3 * SQUARE_M:.0f} mm wide"
             )
             return 0
-        self._refuse_to_replace("--out", self.out)
+        self.refuse_to_replace("--out", self.out)
         if self.images is not None:
             self._refuse_beside("--images", self._of_scenario())
             calibration, unused = calibrate_from_images(self.images)
@@ -66,11 +65,6 @@ class Calibrate(Overrides, name="calibrate"):
             "--fragment": self.fragment is not None,
             "--seed": self.seed is not None,
         }
-
-    def _refuse_to_replace(self, option: str, file: Path) -> None:
-        if file.is_file() and not self.force:
-            problem, hint = "it is there already", "name another, or add --force"
-            raise InputError.at(option, problem, got=str(file), hint=hint)
 
     @staticmethod
     def _refuse_beside(option: str, given: dict[str, bool]) -> None:

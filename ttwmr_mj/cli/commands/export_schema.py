@@ -2,10 +2,11 @@
 
 from pathlib import Path
 
-from ttwmr_mj.cli.engine import Subcommand, option
+from ttwmr_mj.cli.engine import option
+from ttwmr_mj.cli.shared import NewFiles
 
 
-class ExportSchema(Subcommand, name="export-schema"):
+class ExportSchema(NewFiles, name="export-schema"):
     """Print the JSON Schema of scenarios."""
 
     out: Path | None = option("write the schema to a file instead", metavar="FILE")
@@ -18,6 +19,7 @@ class ExportSchema(Subcommand, name="export-schema"):
 
         text = json.dumps(Scenario.model_json_schema(), indent=2, ensure_ascii=False) + "\n"
         if self.out:
+            self.refuse_to_replace("--out", self.out)
             write_text(self.out, text)
         else:
             print(text, end="")

@@ -7,17 +7,17 @@ import shlex
 from importlib.util import find_spec
 from pathlib import Path
 
-from ttwmr_mj.cli.engine import Subcommand, argument, option
+from ttwmr_mj.cli.engine import argument, option
+from ttwmr_mj.cli.shared import NewFiles
 from ttwmr_mj.errors import InputError, to_copy
 
 
-class New(Subcommand, name="new"):
+class New(NewFiles, name="new"):
     """Write a commented scenario to start from, and with --controller a law and its test."""
 
     wanted: str = argument("name of the scenario: lower-case letters, digits, - and _")
     controller: bool = option("also write a law, NAME_law.py, and its test, test_NAME_law.py")
     out: Path = option("folder for the files", Path(), metavar="DIR")
-    force: bool = option("replace files that are there")
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.files.template import template_files
@@ -26,10 +26,7 @@ class New(Subcommand, name="new"):
             allowed = "up to 58 lower-case letters, digits, - and _, a letter or digit first"
             raise InputError.at("NAME", got=repr(self.wanted), allowed=allowed)
         files = template_files(self.wanted, controller=self.controller)
-        there = [str(self.out / file) for file in files if (self.out / file).exists()]
-        if there and not self.force:
-            problem = f"there is {', '.join(there)} already"
-            raise InputError.at("NAME", problem, hint="take another, or add --force")
+        self.refuse_to_replace("NAME", *(self.out / file for file in files))
         self._write(files)
         scenario = self.out / f"{self.wanted}.toml"
         print("\n".join(f"written: {self.out / file}" for file in files))

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Overrides, Quiet, command_line, warn
+from ttwmr_mj.cli.shared import NewFiles, Overrides, Quiet, command_line, warn
 from ttwmr_mj.errors import Fault, InputError, MachineError, to_copy
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ MM = 1e-3
 ITERATIONS = 100  # that a plan takes, more or less
 
 
-class PlanCommand(Overrides, Quiet, name="plan"):
+class PlanCommand(Overrides, NewFiles, Quiet, name="plan"):
     """Plan a motion of tractor and trailers through points, and a scenario that drives it."""
 
     points: Path = argument(
@@ -32,7 +32,6 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         "the plan, .csv; beside it go its scenario and its picture; default: NAME_plan.csv, here",
         metavar="FILE",
     )
-    force: bool = option("replace files that are there")
     closed: bool = option(
         "return to the first point and go round and round; default: from rest "
         "to rest, unless the drawn line is closed"
@@ -136,11 +135,7 @@ class PlanCommand(Overrides, Quiet, name="plan"):
         if lost := [str(f) for f in there if any(f.samefile(source) for source in sources)]:
             problem = f"it would replace {', '.join(lost)}, which it is made from"
             return [Fault(key=key, problem=problem, hint="name another")]
-        if there and not self.force:
-            problem = f"there is {', '.join(map(str, there))} already"
-            hint = "name another, or add --force"
-            return [Fault(key=key, problem=problem, hint=hint)]
-        return []
+        return self.in_the_way("--out", *there)
 
     def _robot(self) -> tuple[dict[str, Any], RobotParameters, Limits]:
         """Data of the scenario it is driven in, the robot that is believed in, and the limits."""

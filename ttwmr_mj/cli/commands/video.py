@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Literal
 
 from ttwmr_mj.cli.engine import argument, option
-from ttwmr_mj.cli.shared import Quiet
+from ttwmr_mj.cli.shared import NewFiles, Quiet
 from ttwmr_mj.errors import RunError
 
 
-class VideoCommand(Quiet, name="video"):
+class VideoCommand(NewFiles, Quiet, name="video"):
     """Make a video of a run from its files; needs no display."""
 
     run: Path = argument("the run folder")
@@ -26,6 +26,7 @@ class VideoCommand(Quiet, name="video"):
         from ttwmr_mj.recording.video.film import make_video
         from ttwmr_mj.runs.process.progress import progress_bar
 
+        self.refuse_to_replace("-o", self.out)
         with progress_bar(self.out.name, 100.0, "%", self.quiet) as progress:
             lacks = make_video(
                 self.run,
