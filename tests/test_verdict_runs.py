@@ -17,6 +17,7 @@ from ttwmr_mj.scenario.motion import sample_reference
 
 LEAN = ["output.recording=false", "output.figures=false"]
 LYAPUNOV = 'controller={kind="lyapunov"}'
+TORQUES = ["controller={kind='custom', target='a:B'}", "control.inner_loop=torque"]
 FAST = [LYAPUNOV, "plant.kind=analytic", "duration_s=10.0"]  # of inverted_trailer: it tips over
 
 
@@ -167,6 +168,28 @@ def test_only_contact_physics_needs_grip_and_torque() -> None:
     slippery = ["plant.contact.floor_friction=0.15"]  # of 0.9, where 4.87 N are there and 0.96 used
     (line,) = foretold(tt.load_scenario("inverted_trailer", slippery))
     assert "allowed: 0.812 N (plant.contact.floor_friction)" in line
+
+
+@pytest.mark.parametrize(
+    ("changes", "limits"),
+    [
+        ([], {"wheel speed", "wheel acceleration", "wheel torque", "grip"}),
+        (["plant.kind=analytic"], {"wheel speed", "wheel acceleration"}),
+        (
+            ["plant.kind=analytic", "control.inner_loop=computed_torque"],
+            {"wheel speed", "wheel acceleration", "wheel torque"},
+        ),
+        (["plant.kind=analytic", *TORQUES], {"wheel torque"}),
+        (TORQUES, {"wheel torque", "grip"}),
+        ([*TORQUES, "robot.servo.motor={}"], {"wheel torque", "grip", "motor voltage"}),
+    ],
+)
+def test_what_no_part_limits_is_no_demand(changes: list[str], limits: set[str]) -> None:
+    scenario = tt.load_scenario("inverted_trailer", changes)
+    demands = demands_of(scenario, sample_reference(scenario))
+    assert demands is not None
+    every = {"defined", "no side slip", "free trailer", "flatness, least |F''|"}
+    assert {demand.name for demand in demands.checks} == every | limits
 
 
 @pytest.mark.parametrize(

@@ -68,8 +68,8 @@ class Command(ArrayFields):
 
     Attributes:
         wheel_speed_rad_s: (nsim, 2) (ω_r, ω_l).
-        saturated: (nsim,) the desired speeds were limited to the servo's range. Speeds at its limit
-            or beyond it are recorded as saturated in any case.
+        saturated: (nsim,) the desired speeds or torques were limited to the servo's range. What
+            drives the robot and is at its limit or beyond it is recorded as saturated in any case.
         near_singular: (nsim,) the map to wheel speeds was near its singularity, standstill.
         signals: name with its unit → (nsim,); the same names at every sample. They become columns
             of trajectory.parquet, plots of the recording and a figure.

@@ -80,6 +80,11 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
         raise InputError.at("controller", problem, hint=START_LIMIT) from None
     finally:
         leave_if_forked(process)
+    return in_inner_loop(law, scenario)
+
+
+def in_inner_loop(law: Controller, scenario: Scenario) -> Controller:
+    """The law as the scenario's inner loop needs it."""
     if scenario.control.inner_loop != "computed_torque":
         return law
     from ttwmr_mj.controllers.shared.computed_torque import ComputedTorque

@@ -71,8 +71,11 @@ class Simulations:
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
         self.sensor: Sensor | None = None
         self._told = _once(believed_reference, self.scenarios, _told_by)
-        own = self._grouped_laws()
-        self._laws = [(controller, [*range(self.nsim)])] if controller else own
+        if controller is None:
+            self._laws = self._grouped_laws()
+        else:
+            law = build.in_inner_loop(controller, self._one)
+            self._laws = [(law, [*range(self.nsim)])]
 
     @cached_property
     def demands(self) -> list[Feasibility | None]:

@@ -214,8 +214,14 @@ class Loop:
 
     def _at_limit(self, command: Command) -> BoolArray:
         """(nsim,) whose servos are asked for all they give, or more, whatever the law tells."""
-        limit = AT_LIMIT * column(self.scenario.robot.servo.speed_limit_rad_s)
-        return np.asarray((np.abs(command.wheel_speed_rad_s) >= limit).any(axis=1))
+        servo, loop = self.scenario.robot.servo, self.scenario.control.inner_loop
+        limited = []
+        if loop != "torque":  # there no part of ours acts on the speeds, which are but logged
+            limited.append((command.wheel_speed_rad_s, servo.speed_limit_rad_s))
+        if command.wheel_torque_n_m is not None and loop != "velocity_servo":
+            limited.append((command.wheel_torque_n_m, servo.largest_torque_n_m))
+        reached = [np.abs(asked) >= AT_LIMIT * column(limit) for asked, limit in limited]
+        return np.asarray(np.any(reached, axis=(0, 2)))
 
     def _who_is_left(self) -> Any:
         """An index of the simulations that have not ended."""

@@ -10,12 +10,6 @@ from ttwmr_mj.results.verdict import Verdict, judge
 from ttwmr_mj.runs.judgement.judged import judged
 from ttwmr_mj.scenario.schema import Scenario
 
-OF_FORCES = (
-    "wheel torque",
-    "motor voltage",
-    "grip",
-)  # the analytic plants' wheels turn and grip as they are told
-
 
 def demands_of(scenario: Scenario, reference: ReferencePath | None) -> Feasibility | None:
     """The demands on the robot that is driven, up to the end of the run; None without reference.
@@ -32,8 +26,20 @@ def demands_of(scenario: Scenario, reference: ReferencePath | None) -> Feasibili
         floor_friction=scenario.plant.contact.floor_friction,
         ground=scenario.ground,
     )
-    without = OF_FORCES if scenario.plant.kind == "analytic" else ()
+    without = _of_no_concern(scenario)
     return replace(asked, checks=tuple(c for c in asked.checks if c.name not in without))
+
+
+def _of_no_concern(scenario: Scenario) -> set[str]:
+    """Names of demands whose limits no part of the scenario's plant and inner loop has."""
+    names, control = set[str](), scenario.control
+    if scenario.plant.kind == "analytic":  # where wheels always grip, and no motor turns them
+        names |= {"grip", "motor voltage"}
+        if not control.torque_input:  # and they turn as they are told
+            names.add("wheel torque")
+    if control.inner_loop == "torque":  # no servo ramps them
+        names |= {"wheel speed", "wheel acceleration"}
+    return names
 
 
 def verdict_on(
