@@ -130,6 +130,17 @@ class Sweep:
         sample, which = np.divmod(self.table["draw"].astype(int), len(design["sets"]))
         return sample, which
 
+    def sources(self, axis: Axis) -> np.ndarray:
+        """(n,) which draw each run has an axis' value of; runs of the same one are no two words."""
+        if self.design is not None:
+            sample, which = self.design
+            from_b = (which == 1) | (which - 2 == self.axes.index(axis))
+            return np.asarray(2 * sample + from_b)
+        if self.plan["sampling"] != "grid":
+            return self.table["draw"]
+        # of a grid's own values each row is one, as all the others are spread over them evenly
+        return self.table["seed" if "distribution" in axis.given else "row"]
+
 
 @dataclass(frozen=True)
 class Axis:

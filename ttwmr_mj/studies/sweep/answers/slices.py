@@ -14,7 +14,9 @@ from ttwmr_mj.studies.sweep.answers.words import numbers
 
 MOST_VALUES = 24  # that are shown one by one
 BINS = 10
-FEWEST = 20  # runs of a bin: fewer have intervals too wide to read
+FEWEST = 20  # values of a bin: fewer have intervals too wide to read
+BY_CHANCE = 0.05  # probability below which what a parameter explains is not put down to chance
+TINY = 1e-12  # share of a variance that is rounding
 OUTER = (0.05, 0.95)  # quantiles that a robustness curve's band lies between
 
 
@@ -45,10 +47,11 @@ class Slicing:
             values = [v for v in axis.given.get("values", distinct.tolist()) if v in distinct]
             labels, places = [str(v) for v in values], [float(i) for i in range(len(values))]
             return cls(axis, labels, places, np.zeros(0), values)
-        if len(distinct) <= MOST_VALUES:
+        listed = bool(axis.given.get("values") or axis.given.get("count"))
+        if len(distinct) <= (MOST_VALUES if listed else 1):  # draws differ in all else, too
             found = distinct.tolist()
             return cls(axis, numbers(found), found, np.zeros(0), found)
-        count = int(np.clip(len(column) // max(1, len(sweep.variants)) // FEWEST, 2, bins))
+        count = int(np.clip(len(distinct) // FEWEST, 2, bins))
         edges = np.quantile(column, np.linspace(0.0, 1.0, count + 1))[1:-1]
         which = np.searchsorted(edges, column, side="right")
         places = [float(np.median(column[which == i])) for i in range(count)]
@@ -114,7 +117,8 @@ def explained(sweep: Sweep, slicing: Slicing) -> float:
     """Share of the variance within a variant that one parameter explains alone; mean of variants.
 
     Of who failed, or of the headline's ranks, whichever is larger: correlation ratios, less what as
-    many parts explain by chance (ε², Kelley 1935). It sorts parameters, no more.
+    many parts explain by chance (ε², Kelley 1935). 0 where chance alone explains as much in one
+    of twenty sweeps. It sorts parameters, no more.
     """
     from scipy.stats import rankdata
 
@@ -122,19 +126,44 @@ def explained(sweep: Sweep, slicing: Slicing) -> float:
     if sweep.headline:
         kinds.append(lambda runs: np.asarray(rankdata(runs.numbers(sweep.headline))))
     parts = [runs for runs in sweep.variants.values() if len(runs)]
-    return max(
-        float(np.mean([_epsilon_squared(of(runs), slicing.which(runs)) for runs in parts]))
-        for of in kinds
+    found = np.array(
+        [
+            [_alone(of(runs), slicing.which(runs), runs.sources(slicing.axis)) for runs in parts]
+            for of in kinds
+        ]
     )
-
-
-def _epsilon_squared(values: np.ndarray, which: np.ndarray) -> float:
-    """ε² of values (n,) in parts (n,)."""
-    counts = np.bincount(which)
-    parts, n = int((counts > 0).sum()), len(values)
-    total = float(((values - values.mean()) ** 2).sum())
-    if total == 0.0 or n <= parts:
+    shares, chances = found[..., 0], found[..., 1]
+    if chances.min() * chances.size > BY_CHANCE:
         return 0.0
-    sums = np.bincount(which, weights=values)[counts > 0]
-    between = float((sums**2 / counts[counts > 0]).sum() - n * values.mean() ** 2)
-    return max(0.0, 1.0 - (1.0 - between / total) * (n - 1) / (n - parts))
+    return float(shares.mean(axis=1).max())
+
+
+def _alone(values: np.ndarray, which: np.ndarray, source: np.ndarray) -> tuple[float, float]:
+    """What values (n,) owe to the parts (n,) they are in.
+
+    Runs of one source (n,), which are in one part, share more than the part: what differs between
+    sources measures what chance does.
+
+    Returns:
+        ε², and the probability that chance explains as much (F test).
+    """
+    from scipy.stats import f
+
+    parts, sources = len(np.unique(which)), len(np.unique(source))
+    total = float(((values - values.mean()) ** 2).sum())
+    if total == 0.0 or parts < 2 or sources <= parts:
+        return 0.0, 1.0
+    between = _between(values, which)
+    by_chance = max(0.0, _between(values, source) - between) / (sources - parts)
+    share = max(0.0, (between - (parts - 1) * by_chance) / total)
+    if by_chance <= TINY * total:
+        return share, float(between <= TINY * total)
+    ratio = between / (parts - 1) / by_chance
+    return share, float(f.sf(ratio, parts - 1, sources - parts))
+
+
+def _between(values: np.ndarray, label: np.ndarray) -> float:
+    """Sum of squares between the means of values (n,) of one label (n,), and all."""
+    _, label = np.unique(label, return_inverse=True)
+    sums, counts = np.bincount(label, weights=values - values.mean()), np.bincount(label)
+    return float((sums**2 / counts).sum())
