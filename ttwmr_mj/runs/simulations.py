@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ttwmr_mj.config import stacked
+from ttwmr_mj.config import frozen, stacked
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.demand import Feasibility
@@ -79,7 +79,7 @@ class Simulations:
         """What its reference asks of each robot."""
         known: dict[Hashable, Feasibility | None] = {}
         keys = [
-            (id(reference), row.robot, row.ground, row.plant.contact.floor_friction)
+            (id(reference), frozen((row.robot, row.ground, row.plant.contact.floor_friction)))
             for row, reference in zip(self.scenarios, self.references, strict=True)
         ]
         for i, key in enumerate(keys):
@@ -161,13 +161,8 @@ class Simulations:
         # computed torque inverts the equations of one robot
         if scenario.controller.takes_stacks and not scenario.control.torque_input:
             return scenario.believed_command_latency_s
-        return (
-            scenario.controller,
-            scenario.believed_robot,
-            scenario.believed_ground,
-            scenario.reference,
-            scenario.believed_command_latency_s,
-        )
+        law = frozen(scenario.controller)
+        return law, _told_by(scenario), scenario.believed_command_latency_s
 
     def _law(self, group: list[int]) -> Controller:
         """The law of these simulations, which all must be able to have."""
@@ -231,12 +226,13 @@ class Simulations:
 
 def _judged_by(scenario: Scenario) -> Hashable:
     """All that the reference a scenario is judged by depends on."""
-    return scenario.reference, scenario.robot, scenario.believed_robot, scenario.ground
+    robots = scenario.robot, scenario.believed_robot
+    return frozen((scenario.reference, *robots, scenario.ground))
 
 
 def _told_by(scenario: Scenario) -> Hashable:
     """All that the reference a law is told depends on."""
-    return scenario.reference, scenario.believed_robot, scenario.believed_ground
+    return frozen((scenario.reference, scenario.believed_robot, scenario.believed_ground))
 
 
 def _once(
