@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 LAWS = '''
+import os
 from typing import Any, ClassVar, Literal
 import numpy as np
 from ttwmr_mj.controllers.base import ControllerOptions, Law
@@ -46,6 +47,70 @@ class StackedOptions(ControllerOptions):
     table: dict[str, list[float]] = {"more": [0.1]}
 
 
+class Dither(Listed):
+    def command(self, k, estimate):
+        return self.plain(self.task.rng.normal(size=(self.task.nsim, 2)))
+
+
+class DitherOptions(ListedOptions):
+    """Draws."""
+
+    law = Dither
+    kind: Literal["dither"] = "dither"
+
+
+class StackedDitherOptions(StackedOptions):
+    """Says that it takes stacks, and draws."""
+
+    law = Dither
+    kind: Literal["dither_stack"] = "dither_stack"
+
+
+class First(Listed):
+    def command(self, k, estimate):
+        speed = 1.0 + estimate.state.q[0, 0]
+        return self.plain(np.full((self.task.nsim, 2), speed), {self._options.name: np.ones(1)})
+
+
+class FirstOptions(ControllerOptions):
+    """Looks at the first simulation, and logs what its options say."""
+
+    law = First
+    kind: Literal["first"] = "first"
+    name: str = "one"
+
+
+class Grabby(Listed):
+    def __init__(self, options):
+        super().__init__(options)
+        options.table["more"].append(1.0)
+
+    def start(self, task):
+        super().start(task)
+        object.__setattr__(task.robot.tractor, "mass_kg", 99.0)
+        object.__setattr__(task.ground, "friction", 0.0)
+        self._options.gains[0] += 1.0
+
+
+class GrabbyOptions(ListedOptions):
+    """Changes what it is given."""
+
+    law = Grabby
+    kind: Literal["grabby"] = "grabby"
+
+
+class Leaving(Listed):
+    def command(self, k, estimate):
+        os._exit(3)
+
+
+class LeavingOptions(ListedOptions):
+    """Ends its process."""
+
+    law = Leaving
+    kind: Literal["leaving"] = "leaving"
+
+
 class Line(Reference):
     """A line whose speed is in a list in a table."""
 
@@ -63,6 +128,11 @@ POINTS = """
 [ttwmr_mj.controllers]
 listed = laws_of_others:ListedOptions
 listed_stack = laws_of_others:StackedOptions
+dither = laws_of_others:DitherOptions
+dither_stack = laws_of_others:StackedDitherOptions
+first = laws_of_others:FirstOptions
+grabby = laws_of_others:GrabbyOptions
+leaving = laws_of_others:LeavingOptions
 
 [ttwmr_mj.references]
 listed_line = laws_of_others:Line
@@ -89,7 +159,7 @@ def install(folder: Path) -> None:
 
 
 def python(folder: Path, *words: str) -> str:
-    """What a process with the distribution prints.
+    """What a process with the distribution prints, errors last.
 
     Raises:
         AssertionError: it failed.
@@ -105,4 +175,4 @@ def python(folder: Path, *words: str) -> str:
         check=False,
     )
     assert done.returncode == 0, done.stderr
-    return done.stdout
+    return done.stdout + done.stderr

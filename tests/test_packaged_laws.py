@@ -120,6 +120,67 @@ def test_a_row_with_lists_and_tables_is_the_same_as_alone(tmp_path: Path) -> Non
     packaged.python(tmp_path, "-c", ROWS.replace("GROUPS", repr(groups)))
 
 
+def test_a_row_of_anothers_law_is_the_same_as_alone(tmp_path: Path) -> None:
+    seeds = [[f"seed={seed}"] for seed in range(3)]
+    noise = "sensing.position_noise_m=1e-3"
+    groups = [
+        [["controller={kind='dither'}", *seed] for seed in seeds],
+        [["controller={kind='dither_stack'}", *seed] for seed in seeds],
+        [["controller={kind='first'}", noise, *seed] for seed in seeds],
+        [[f"controller={{kind='first', name='n{seed[0][-1]}'}}", noise, *seed] for seed in seeds],
+    ]
+    packaged.install(tmp_path)
+    packaged.python(tmp_path, "-c", ROWS.replace("GROUPS", repr(groups)))
+
+
+GRABBED = """
+import ttwmr_mj as tt
+for kind in ("grabby", "listed"):
+    scenario = tt.load_scenario("packaged.toml", [f"controller={{kind='{kind}'}}"])
+    before = scenario.model_dump_json()
+    tt.simulate(scenario)
+    assert scenario.model_dump_json() == before
+own = tt.load_scenario("packaged.toml", ["controller={kind='lyapunov'}"])
+before = own.model_dump_json()
+
+class Grabby(tt.Controller):
+    def start(self, task):
+        self.nsim = task.nsim
+        object.__setattr__(task.robot.tractor, "mass_kg", 99.0)
+    def command(self, k, estimate):
+        return self.plain(estimate.state.q[:, :2])
+tt.simulate(own, controller=Grabby())
+assert own.model_dump_json() == before
+"""
+
+
+def test_what_a_packages_law_does_to_its_task_and_options_is_its_own(tmp_path: Path) -> None:
+    packaged.install(tmp_path)
+    packaged.python(tmp_path, "-c", GRABBED)
+
+
+def test_seeds_of_anothers_law_are_not_called_idle(tmp_path: Path) -> None:
+    packaged.install(tmp_path)
+    (tmp_path / "s.toml").write_text('name = "s"\nscenario = "packaged.toml"\nseeds = 2\n')
+    words = "-m", "ttwmr_mj", "sweep", "s.toml", "--dry-run"
+    told = [
+        packaged.python(tmp_path, *words, "--set", f"controller.kind={kind}")
+        for kind in ("dither", "lyapunov")
+    ]
+    assert ["all seeds give the same run" in text for text in told] == [False, True]
+
+
+@pytest.mark.slow
+def test_a_packages_law_that_leaves_is_its_runs_failure(tmp_path: Path) -> None:
+    packaged.install(tmp_path)
+    suite = 'name = "b"\ntask.t.scenario = "packaged.toml"\n'
+    (tmp_path / "b.toml").write_text(f"{suite}controller.a.overrides = ['controller.kind=leaving']")
+    packaged.python(tmp_path, "-m", "ttwmr_mj", "bench", "b.toml", "--out", "bench")
+    (row,) = (json.loads(path.read_text()) for path in tmp_path.rglob("row.json"))
+    assert row["verdict"] == "failed"
+    assert "exit code 3" in row["reason"]
+
+
 @pytest.mark.slow
 def test_studies_of_lists_and_tables_have_the_runs_of_run(tmp_path: Path) -> None:
     packaged.install(tmp_path)

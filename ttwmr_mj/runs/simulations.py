@@ -22,7 +22,7 @@ from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.loop import Loop, Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of
-from ttwmr_mj.runs.law.laws import Laws, Part
+from ttwmr_mj.runs.law.laws import Laws, NoRandomNumbers, Part
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
@@ -56,8 +56,8 @@ class Simulations:
         Args:
             scenarios: what to run.
             folder: where a custom controller is looked for first.
-            draws: which of its seed's random numbers each gets: 0 those of a run alone, 1 others,
-                and so on; None: 0.
+            draws: of one scenario, repeated: which of its seed's random numbers each gets: 0 those
+                of a run alone, 1 others, and so on; None: they are several, and each gets 0.
             nthread: threads of contact physics; 0: one per processor.
             controller: drives all of them instead of the scenarios' own.
 
@@ -65,7 +65,7 @@ class Simulations:
             InputError: they cannot be built.
         """
         self.scenarios, self._folder = tuple(scenarios), folder
-        self._draws = draws or [0] * len(scenarios)
+        self._draws, self._repeats = draws or [0] * len(scenarios), draws is not None
         self._one = stacked(self.scenarios)
         self.references = _once(sample_reference, self.scenarios, _judged_by)
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
@@ -156,7 +156,7 @@ class Simulations:
 
     def _law_key(self, scenario: Scenario) -> Hashable:
         """Equal for simulations that one law can drive."""
-        if scenario.controller.alone:  # of one scenario, which an experiment may repeat
+        if scenario.controller.alone:  # then it is one scenario, repeated
             return None
         # computed torque inverts the equations of one robot
         if scenario.controller.takes_stacks and not scenario.control.torque_input:
@@ -178,20 +178,25 @@ class Simulations:
             one = stacked([self.scenarios[i] for i in group])
             paths = [self._told[i] for i in group]
             path = None if paths[0] is None else ReferencePath.beside(cast("Any", paths))
-            believed = one.believed_robot, one.believed_ground
-            if one.controller.alone:  # a law of the user's may change what it is given
-                believed = copy.deepcopy(believed)
+            # a law may change what it is given
+            believed = copy.deepcopy((one.believed_robot, one.believed_ground))
             task = Task(
                 believed[0],
                 path.copy() if path is paths[0] and path is not None else path,
                 one.control.sampling_time_s,
                 len(group),
-                build.generator(self.scenarios[group[0]].seed, "controller"),
+                self._rng(group),
                 believed[1],
                 one.believed_command_latency_s,
             )
             parts.append(Part(law, task, np.array(group)))
         return parts
+
+    def _rng(self, group: list[int]) -> np.random.Generator:
+        """Random numbers of a law: what several scenarios draw together, none would draw alone."""
+        if len(group) > 1 and not self._repeats:
+            return cast("np.random.Generator", NoRandomNumbers())
+        return build.generator(self.scenarios[group[0]].seed, "controller")
 
     def _initial(self) -> RobotState:
         """Where every simulation starts."""

@@ -219,7 +219,7 @@ def _computed(
 def _is_of_machine(failed: Failed, scenario: Scenario) -> bool:
     """Whether a run says nothing about its law: of ours, any that does not know how to fail."""
     unknown = failed.error is None and not failed.late
-    return failed.of_machine or (unknown and not scenario.controller.alone)
+    return failed.of_machine or (unknown and not scenario.controller.of_others)
 
 
 def _placed(row: SuiteRow, scenario: Scenario, folder: Path) -> Placed:
