@@ -35,7 +35,8 @@ def simulate(
         scenario: what to run.
         nsim: simulations in the batch; the first is as if alone, the others differ from it by what
             the scenario leaves to chance: noise, latency and losses of sensing, jitter and losses
-            of commands, directions and times of pushes.
+            of commands, directions and times of pushes. A law of your own drives all of them, and
+            what it draws from `task.rng` it draws for all.
         controller: a law of your own, which drives instead of the scenario's.
         scenario_folder: where a custom controller is looked for first; None: here.
 

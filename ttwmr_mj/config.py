@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from types import FunctionType, MethodType
 from typing import Any, ClassVar, Self, TypeVar, cast
 
@@ -84,7 +83,8 @@ def stacked(rows: Sequence[T]) -> T:
     """One value for as many simulations: itself where it is equal in all, else as `Stack` says.
 
     Args:
-        rows: of one kind: numbers, arrays of one shape, configurations, or tuples of such.
+        rows: of one kind: numbers, arrays of one shape, configurations, or tuples, lists and
+            tables of such.
 
     Raises:
         TypeError: they differ in more than numbers.
@@ -103,6 +103,10 @@ def stacked(rows: Sequence[T]) -> T:
     if isinstance(first, tuple):
         parts = [stacked(part) for part in zip(*cast("Sequence[Any]", rows), strict=True)]
         return cast("T", type(first)(*parts) if hasattr(first, "_fields") else tuple(parts))
+    if isinstance(first, list):
+        return cast("T", [stacked(part) for part in zip(*cast("Any", rows), strict=True)])
+    if isinstance(first, dict):
+        return cast("T", {name: stacked([row[name] for row in rows]) for name in first})  # type: ignore[index]
     if any(row != first for row in rows):
         raise TypeError(f"simulations of one batch cannot differ in {first!r}")
     return first
@@ -137,19 +141,55 @@ def column(number: T) -> T:
     return cast("T", number[:, None]) if isinstance(number, np.ndarray) else number
 
 
-def batch_shape(value: Any) -> Any:
-    """What must be equal for values to share a batch, hashable: all but numbers, and zeros.
+def frozen(value: Any) -> Hashable:
+    """A key for a value, whatever it is made of: equal for equal values of equal types.
+
+    So 1, 1.0 and True have different ones, 0.0 and -0.0, and tables in another order.
+    """
+    key: Hashable
+    match value:
+        case float():
+            key = repr(value)
+        case tuple() | list():
+            key = tuple(map(frozen, value))
+        case set() | frozenset():
+            key = frozenset(map(frozen, value))
+        case dict():
+            key = tuple((frozen(name), frozen(part)) for name, part in value.items())
+        case BaseModel():
+            key = tuple((name, frozen(part)) for name, part in value)
+        case _:
+            key = value if _has_hash(value) else id(value)
+    return type(value), key
+
+
+def _has_hash(value: Any) -> bool:
+    try:
+        hash(value)
+    except TypeError:
+        return False
+    return True
+
+
+def batch_shape(value: Any) -> Hashable:
+    """What must be equal for values to share a batch: all but numbers, and zeros.
 
     Zero often means that there is no such thing, and what is not there is not computed.
     """
-    if isinstance(value, Config):
-        fixed = type(value).same_in_batch
-        names = type(value).model_fields.keys() - type(value).free_in_batch
-        parts = ((n, getattr(value, n)) for n in sorted(names))
-        return type(value), tuple(v if n in fixed else batch_shape(v) for n, v in parts)
-    if isinstance(value, float):
-        return math.copysign(0.0, value) if value == 0.0 else float
-    return tuple(map(batch_shape, value)) if isinstance(value, tuple) else value
+    match value:
+        case float() if value != 0.0:
+            return float
+        case tuple() | list():
+            return type(value), tuple(map(batch_shape, value))
+        case dict():
+            parts = ((frozen(name), batch_shape(part)) for name, part in value.items())
+            return dict, tuple(parts)
+        case Config():
+            fixed = type(value).same_in_batch
+            names = sorted(type(value).model_fields.keys() - type(value).free_in_batch)
+            read = [(frozen if n in fixed else batch_shape, getattr(value, n)) for n in names]
+            return type(value), tuple(key_of(part) for key_of, part in read)
+    return frozen(value)
 
 
 def _row_of(value: Any, index: int) -> Any:
@@ -161,4 +201,8 @@ def _columns_of(value: Any) -> Any:
         return value[:, None]
     if isinstance(value, tuple):
         return tuple(map(_columns_of, value))
+    if isinstance(value, list):
+        return [_columns_of(part) for part in value]
+    if isinstance(value, dict):
+        return {name: _columns_of(part) for name, part in value.items()}
     return columns(value)

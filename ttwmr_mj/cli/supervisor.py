@@ -63,8 +63,7 @@ def supervise(scenario: Scenario, result: Path | None = None) -> None:
     from ttwmr_mj.registry import is_foreign
     from ttwmr_mj.runs import build
 
-    foreign = any(is_foreign(type(part)) for part in (scenario.controller, scenario.reference))
-    if not foreign and scenario.controller.kind != "custom":
+    if not scenario.controller.of_others and not is_foreign(type(scenario.reference)):
         return
 
     sys.stdout.flush()

@@ -16,7 +16,7 @@ from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.references.shared.reference import Reference, faults_only, kind_of
-from ttwmr_mj.registry import Registry, guarded
+from ttwmr_mj.registry import Registry, guarded, is_foreign
 from ttwmr_mj.robot import Config, RobotParameters
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import ArrayFields, BoolArray, FloatArray
@@ -32,7 +32,9 @@ class Task:
             ahead; None in open-loop experiments.
         sampling_time_s: the control period T.
         nsim: simulations in the batch.
-        rng: the controller's own random numbers.
+        rng: the controller's own random numbers, of the scenario's seed. Simulations of different
+            scenarios have none in common: a law that drives several and asks for some ends, and
+            each is run alone.
         ground: the floor, as the controller is told it.
         command_latency_s: how long a command takes to the servos, as the controller is told it.
     """
@@ -114,7 +116,7 @@ class ControllerOptions(Config):
         takes_stacks: whether one law can drive simulations that differ in numbers of options,
             robot, ground and reference: it is then made of stacked ones (`config.Stack`). Others
             are started for each set of such numbers, and drive all simulations that share it.
-        alone: whether even these cannot share it, as a law of the user's that may do anything.
+            Neither draws from `Task.rng`.
     """
 
     model_config = ConfigDict(json_schema_extra=requires_kind)
@@ -123,7 +125,16 @@ class ControllerOptions(Config):
     needs_reference: ClassVar[bool] = True
     takes_stacks: ClassVar[bool] = False
     tows_trains: ClassVar[bool] = False
-    alone: ClassVar[bool] = False
+
+    @property
+    def of_others(self) -> bool:
+        """Whether the law is not of this package, and may do anything."""
+        return is_foreign(type(self))
+
+    @property
+    def alone(self) -> bool:
+        """Whether it shares no batch: one of others' does only if it says that it can."""
+        return self.of_others and not self.takes_stacks
 
     def make(self, folder: Path) -> Controller:
         """The law with these options, not yet started; `folder` is that of the scenario."""

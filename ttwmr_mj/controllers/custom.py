@@ -29,8 +29,12 @@ class CustomOptions(ControllerOptions):
     )
     needs_reference: ClassVar[bool] = False
     tows_trains: ClassVar[bool] = True
-    alone: ClassVar[bool] = True
     options: dict[str, Any] = Field(default={}, description="keyword arguments passed to the class")
+
+    @property
+    def of_others(self) -> bool:
+        """Always."""
+        return True
 
     def placed(self, folder: Path) -> Self:
         """The same for a scenario file anywhere; this one's is in the folder."""

@@ -1,10 +1,12 @@
 """From a scenario to the objects of a run."""
 
+import copy
 import os
 from pathlib import Path
 
 import numpy as np
 
+from ttwmr_mj.config import rows_of
 from ttwmr_mj.controllers.base import Controller, ControllerOptions, law_faults
 from ttwmr_mj.deadline import limited
 from ttwmr_mj.errors import InputError, Overrun
@@ -93,8 +95,9 @@ def in_inner_loop(law: Controller, scenario: Scenario) -> Controller:
 
 
 def _made(options: ControllerOptions, folder: Path) -> Controller:
-    with guarded(type(options), "controller.kind", "make()", has_limit=True):
-        law = options.make(folder)
+    first = rows_of(options, 1)[0]
+    with guarded(type(first), "controller.kind", "make()", has_limit=True):
+        law = copy.deepcopy(options).make(folder)  # a law may change what it is given
         if not isinstance(law, Controller):
             raise TypeError("it must return a Controller")
         if _kept is not None:

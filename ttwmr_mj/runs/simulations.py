@@ -11,7 +11,7 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 
-from ttwmr_mj.config import stacked
+from ttwmr_mj.config import frozen, stacked
 from ttwmr_mj.controllers.base import Controller, Task
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.demand import Feasibility
@@ -22,7 +22,7 @@ from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.loop import Loop, Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of
-from ttwmr_mj.runs.law.laws import Laws, Part
+from ttwmr_mj.runs.law.laws import Laws, NoRandomNumbers, Part
 from ttwmr_mj.runs.pushes import Push
 from ttwmr_mj.scenario.motion import believed_reference, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
@@ -56,8 +56,8 @@ class Simulations:
         Args:
             scenarios: what to run.
             folder: where a custom controller is looked for first.
-            draws: which of its seed's random numbers each gets: 0 those of a run alone, 1 others,
-                and so on; None: 0.
+            draws: of one scenario, repeated: which of its seed's random numbers each gets: 0 those
+                of a run alone, 1 others, and so on; None: they are several, and each gets 0.
             nthread: threads of contact physics; 0: one per processor.
             controller: drives all of them instead of the scenarios' own.
 
@@ -65,7 +65,7 @@ class Simulations:
             InputError: they cannot be built.
         """
         self.scenarios, self._folder = tuple(scenarios), folder
-        self._draws = draws or [0] * len(scenarios)
+        self._draws, self._repeats = draws or [0] * len(scenarios), draws is not None
         self._one = stacked(self.scenarios)
         self.references = _once(sample_reference, self.scenarios, _judged_by)
         self.plant: Plant = build.make_plant(self._one, self.nsim, nthread)
@@ -82,7 +82,7 @@ class Simulations:
         """What its reference asks of each robot."""
         known: dict[Hashable, Feasibility | None] = {}
         keys = [
-            (id(reference), row.robot, row.ground, row.plant.contact.floor_friction)
+            (id(reference), frozen((row.robot, row.ground, row.plant.contact.floor_friction)))
             for row, reference in zip(self.scenarios, self.references, strict=True)
         ]
         for i, key in enumerate(keys):
@@ -159,18 +159,13 @@ class Simulations:
 
     def _law_key(self, scenario: Scenario) -> Hashable:
         """Equal for simulations that one law can drive."""
-        if scenario.controller.alone:  # of one scenario, which an experiment may repeat
+        if scenario.controller.alone:  # then it is one scenario, repeated
             return None
         # computed torque inverts the equations of one robot
         if scenario.controller.takes_stacks and not scenario.control.torque_input:
             return scenario.believed_command_latency_s
-        return (
-            scenario.controller,
-            scenario.believed_robot,
-            scenario.believed_ground,
-            scenario.reference,
-            scenario.believed_command_latency_s,
-        )
+        law = frozen(scenario.controller)
+        return law, _told_by(scenario), scenario.believed_command_latency_s
 
     def _law(self, group: list[int]) -> Controller:
         """The law of these simulations, which all must be able to have."""
@@ -186,20 +181,25 @@ class Simulations:
             one = stacked([self.scenarios[i] for i in group])
             paths = [self._told[i] for i in group]
             path = None if paths[0] is None else ReferencePath.beside(cast("Any", paths))
-            believed = one.believed_robot, one.believed_ground
-            if one.controller.alone:  # a law of the user's may change what it is given
-                believed = copy.deepcopy(believed)
+            # a law may change what it is given
+            believed = copy.deepcopy((one.believed_robot, one.believed_ground))
             task = Task(
                 believed[0],
                 path.copy() if path is paths[0] and path is not None else path,
                 one.control.sampling_time_s,
                 len(group),
-                build.generator(self.scenarios[group[0]].seed, "controller"),
+                self._rng(group),
                 believed[1],
                 one.believed_command_latency_s,
             )
             parts.append(Part(law, task, np.array(group)))
         return parts
+
+    def _rng(self, group: list[int]) -> np.random.Generator:
+        """Random numbers of a law: what several scenarios draw together, none would draw alone."""
+        if len(group) > 1 and not self._repeats:
+            return cast("np.random.Generator", NoRandomNumbers())
+        return build.generator(self.scenarios[group[0]].seed, "controller")
 
     def _initial(self) -> RobotState:
         """Where every simulation starts."""
@@ -234,12 +234,13 @@ class Simulations:
 
 def _judged_by(scenario: Scenario) -> Hashable:
     """All that the reference a scenario is judged by depends on."""
-    return scenario.reference, scenario.robot, scenario.believed_robot, scenario.ground
+    robots = scenario.robot, scenario.believed_robot
+    return frozen((scenario.reference, *robots, scenario.ground))
 
 
 def _told_by(scenario: Scenario) -> Hashable:
     """All that the reference a law is told depends on."""
-    return scenario.reference, scenario.believed_robot, scenario.believed_ground
+    return frozen((scenario.reference, scenario.believed_robot, scenario.believed_ground))
 
 
 def _once(

@@ -25,6 +25,15 @@ def leave_if_forked(process: int) -> None:
         os._exit(1)
 
 
+class NoRandomNumbers:
+    """In place of a generator: whoever asks it for anything gets an error."""
+
+    def __getattr__(self, name: str) -> Any:
+        if name.startswith("__"):  # as copy and pickle ask for them
+            raise AttributeError(name)
+        raise TypeError("a law that drives several scenarios has no random numbers (task.rng)")
+
+
 @dataclass(frozen=True, slots=True)
 class Part:
     """A law, not yet started, and its simulations."""

@@ -7,6 +7,7 @@ from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, get_args
 
+from ttwmr_mj.config import frozen
 from ttwmr_mj.errors import Fault, InputError, of_system
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.accept import Status
@@ -180,7 +181,7 @@ def _refuse_foreign(folder: Path) -> None:
 def _foretold(scenarios: Iterable[Scenario]) -> list[str]:
     """What tasks ask for and cannot get; of those that are alike but for the law, once."""
     alike = {
-        (s.name, s.reference, s.robot, s.ground, s.plant, s.sensing, s.duration_s): s
+        frozen((s.name, s.reference, s.robot, s.ground, s.plant, s.sensing, s.duration_s)): s
         for s in scenarios
     }
     return list(dict.fromkeys(line for one in alike.values() for line in foretold(one)))
@@ -218,7 +219,7 @@ def _computed(
 def _is_of_machine(failed: Failed, scenario: Scenario) -> bool:
     """Whether a run says nothing about its law: of ours, any that does not know how to fail."""
     unknown = failed.error is None and not failed.late
-    return failed.of_machine or (unknown and not scenario.controller.alone)
+    return failed.of_machine or (unknown and not scenario.controller.of_others)
 
 
 def _placed(row: SuiteRow, scenario: Scenario, folder: Path) -> Placed:

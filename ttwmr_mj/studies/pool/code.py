@@ -2,7 +2,8 @@
 
 Modules are found with `ast`, from the entry modules on through every import, those inside functions
 and module names in strings included. A module's digest is of its syntax tree without docstrings,
-comments and layout.
+comments and layout. Code without source, built in C or in an archive, does not say what it imports:
+its digest is of the file that holds it, and all of its package counts.
 """
 
 import ast
@@ -12,25 +13,15 @@ from functools import cache
 from pathlib import Path
 
 import ttwmr_mj
+from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.studies.pool.modules import file_of, found, is_installed, is_namespace, modules_within
 
 PACKAGE = Path(ttwmr_mj.__file__).parent
 NAME = PACKAGE.name
 SILENT = ("recording", "figures", "cli")  # rooms that only draw, record or print
+OF_PYTHON = ("built-in", "frozen")  # what the import system says of modules in the interpreter
 
 Follows = Callable[[str, str], bool]
-
-
-Own = tuple[tuple[Path, str], ...]
-"""Folders of modules that are not this package's, and the top-level name that counts there, or ""
-where every module does."""
-
-
-def source(module: str, own: Own = ()) -> Path | None:
-    """The module's file; None if it is neither this package's nor one of the user's own."""
-    top = module.split(".")[0]
-    places = ((PACKAGE.parent, NAME),) if top == NAME else own
-    found = (module_file(folder, module) for folder, name in places if name in ("", top))
-    return next((file for file in found if file), None)
 
 
 def module_file(folder: Path, module: str) -> Path | None:
@@ -41,32 +32,60 @@ def module_file(folder: Path, module: str) -> Path | None:
 
 
 def follow_all(importer: str, imported: str) -> bool:
-    """Every import but those of rooms that compute nothing."""
-    del importer
+    """Every import but those of rooms that compute nothing, and of libraries by this package."""
+    if _top(imported) != NAME:
+        return _top(importer) != NAME
     return imported.split(".")[1:2] not in [[room] for room in SILENT]
 
 
-def code_of(entries: Iterable[str], follows: Follows = follow_all, own: Own = ()) -> dict[str, str]:
+def code_of(
+    entries: Iterable[str], follows: Follows = follow_all, folder: Path | None = None
+) -> dict[str, str]:
     """Module → digest of everything the entry modules reach, sorted.
 
     Args:
-        entries: names of modules; those that do not exist are left out.
+        entries: names of modules; those that do not exist are left out. Of what is installed, and
+            not editable, only their packages count.
         follows: whether an import (importer, imported) leads to code that computes.
-        own: where modules of the user's are.
+        folder: where modules of the user's are looked for before the Python path.
+
+    Raises:
+        InputError: code of an entry's package is in no file.
     """
-    found: dict[str, str] = {}
+    digests: dict[str, str] = {}
     # the package's own __init__ is a directory of names, and computes nothing
     waiting, seen = list(entries), {NAME}
+    packages = {_top(name) for name in waiting}
     while waiting:
         name = waiting.pop()
-        path = None if name in seen else source(name, own)
+        path = None if name in seen else _file(name, folder, packages)
         seen.add(name)
         if path is None:
             continue
-        found[name], imported = _read(path, _version(path), name)
+        digests[name], imported = _read(path, _version(path), name)
+        if imported is None:
+            imported = tuple(modules_within(_top(name), folder))
         parents = [name.rsplit(".", depth)[0] for depth in range(1, name.count(".") + 1)]
         waiting += [other for other in (*imported, *parents) if follows(name, other)]
-    return dict(sorted(found.items()))
+    return dict(sorted(digests.items()))
+
+
+def _top(module: str) -> str:
+    return module.partition(".")[0]
+
+
+def _file(module: str, folder: Path | None, packages: set[str]) -> Path | None:
+    """The file that holds a module, None if it does not count."""
+    if _top(module) == NAME:
+        return module_file(PACKAGE.parent, module)
+    spec = found(module, folder)
+    if spec is None or is_namespace(spec) or spec.origin in OF_PYTHON:
+        return None
+    file, chosen = file_of(spec), _top(module) in packages
+    if file is None and chosen:
+        problem = f"the code of {module} is in no file, and nobody could tell when it changes"
+        raise InputError(Fault(problem=problem, hint="`ttwmr run` runs it"))
+    return file if file is not None and (chosen or not is_installed(file)) else None
 
 
 def _version(path: Path) -> tuple[int, int]:
@@ -75,14 +94,24 @@ def _version(path: Path) -> tuple[int, int]:
 
 
 @cache
-def _read(path: Path, version: tuple[int, int], name: str) -> tuple[str, tuple[str, ...]]:
-    """Digest of a module, and names of what it may import; read again where it has changed."""
+def _read(path: Path, version: tuple[int, int], name: str) -> tuple[str, tuple[str, ...] | None]:
+    """Digest of a module, and names of what it may import; read again where it has changed.
+
+    None in place of names: nobody can tell.
+    """
     del version
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    content = path.read_bytes()
+    try:
+        tree = ast.parse(content)
+    except (SyntaxError, ValueError):  # no Python source
+        return _digest(content), None
     _Computing().visit(tree)  # in place
-    digest = hashlib.sha256(ast.dump(tree).encode()).hexdigest()[:16]
-    return digest, tuple(sorted(set(_imported(tree, package))))
+    return _digest(ast.dump(tree).encode()), tuple(sorted(set(_imported(tree, package))))
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()[:16]
 
 
 def _imported(tree: ast.AST, package: str) -> Iterator[str]:
@@ -91,6 +120,8 @@ def _imported(tree: ast.AST, package: str) -> Iterator[str]:
             case ast.Import(names=names):
                 yield from (alias.name for alias in names)
             case ast.ImportFrom(module=module, names=names, level=level):
+                if level > len([*filter(None, package.split("."))]):
+                    continue  # above the outermost package there is nothing
                 above = package.split(".")[: package.count(".") + 2 - level] if level else []
                 base = ".".join([*above, *([module] if module else [])])
                 yield base

@@ -6,7 +6,6 @@ libraries. What a custom controller reads by itself is not known here.
 
 import hashlib
 import platform
-import sys
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -21,7 +20,7 @@ from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.runs.files.folder import library_version
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.studies.pool.code import NAME, PACKAGE, Follows, code_of, follow_all, module_file
+from ttwmr_mj.studies.pool.code import NAME, PACKAGE, Follows, code_of, follow_all
 
 Ingredients = dict[str, Any]  # "scenario", "data", "code", "libraries"
 LIBRARIES = ("mujoco", "numpy", "scipy", "opencv-python-headless")
@@ -94,24 +93,12 @@ def data_files(scenario: Scenario) -> Iterator[Path]:
 
 
 def _code_of_run(scenario: Scenario, folder: Path, runners: Sequence[str]) -> dict[str, str]:
-    entries = [*runners, *_chosen(scenario)]
-    if isinstance(scenario.controller, CustomOptions):
-        folder = folder / (scenario.controller.folder or "")
-        entries.append(scenario.controller.target.partition(":")[0])
-    own = (_own(module, folder) for module in entries if module.split(".")[0] != NAME)
-    return code_of(entries, _follows(scenario), tuple(place for place in own if place))
-
-
-def _own(module: str, folder: Path) -> tuple[Path, str] | None:
-    """Where a module of the user's is, in the folder or on the Python path; and what counts there.
-
-    Beside an installed module lie those of everybody else: only its own package counts.
-    """
-    for place in (resolved(folder), *(resolved(Path(place or ".")) for place in sys.path)):
-        if module_file(place, module):
-            installed = place.name in ("site-packages", "dist-packages")
-            return place, module.split(".")[0] if installed else ""
-    return None
+    follows, law = _follows(scenario), scenario.controller
+    code = code_of([*runners, *_chosen(scenario)], follows)
+    if isinstance(law, CustomOptions):
+        module = law.target.partition(":")[0]
+        code |= code_of([module], follows, resolved(folder / (law.folder or "")))
+    return dict(sorted(code.items()))
 
 
 def _follows(scenario: Scenario) -> Follows:

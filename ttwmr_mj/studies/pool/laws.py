@@ -7,6 +7,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TypeVar
 
+from ttwmr_mj.config import frozen
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.pool.jobs import Failed, Job, run_jobs
@@ -34,10 +35,10 @@ def refused_laws(
     Returns:
         The first row of each law that is refused → what is wrong with the law.
     """
-    first: dict[tuple[str, Path], K] = {}
+    first: dict[tuple[Hashable, Path], K] = {}
     for name, (scenario, folder) in rows.items():
-        if scenario.controller.alone:
-            first.setdefault((scenario.controller.model_dump_json(), folder), name)
+        if scenario.controller.of_others:
+            first.setdefault((frozen(scenario.controller), folder), name)
     names, refused = list(first.values()), dict[int, list[Fault]]()
     jobs = (Job(str(i), load_law, rows[name], timeout_s) for i, name in enumerate(names))
     with closing(run_jobs(jobs, workers=workers, preload=preload)) as events:

@@ -125,7 +125,7 @@ def _random(scenario: Scenario) -> bool:
     pushes = [p.random_direction or p.random_within_s for p in scenario.plant.pushes]
     lost = [sensing.latency_jitter_s, sensing.drop_probability]
     lost += [control.command_jitter_s, control.command_drop_probability]
-    return any([*noises, *pushes, *lost]) or scenario.controller.kind == "custom"
+    return any([*noises, *pushes, *lost]) or scenario.controller.of_others
 
 
 def estimated_time_s(plan: Plan, workers: int) -> float | None:
@@ -133,7 +133,7 @@ def estimated_time_s(plan: Plan, workers: int) -> float | None:
 
     Laws of others are run in a process that is watched.
     """
-    if not any(plan.scenario_of(row).controller.alone for row in kinds_of_rows(plan)):
+    if not any(plan.scenario_of(row).controller.of_others for row in kinds_of_rows(plan)):
         return time_of_rows_s(plan, workers)
     job = Job("time", time_of_rows_s, (plan, workers), PROBED * plan.timeout_s)
     with closing(run_jobs([job], preload=PRELOAD)) as events:

@@ -90,9 +90,10 @@ def changes(stored: Plan, plan: Plan) -> list[Fault]:
 def _shown(data: Any, key: str) -> str:
     """The value at a dotted key, some of whose parts hold dots themselves."""
     while key:
-        head = next((k for k in data if key == k or key.startswith(f"{k}.")), None)
-        if head is None:
+        heads = [k for k in data if key == k or key.startswith(f"{k}.")]
+        if not heads:
             return "missing"
+        head = max(heads, key=len)  # beside a module, its package has a key
         data, key = data[head], key[len(head) + 1 :]
     text = json.dumps(data)
     return text if len(text) <= 80 else f"{text[:77]}..."
