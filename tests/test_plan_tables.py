@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from importlib.resources import files
 from pathlib import Path
 
@@ -70,6 +72,61 @@ def test_a_round_that_ends_elsewhere_is_refused(
     table[-1, 1] += 0.1
     write(tmp_path, header, table)
     assert "x of its last row is 0.1 m away from that of its first" in refused(tmp_path, capsys)
+
+
+def in_degrees(table: FloatArray) -> None:
+    table[:, 3:] = np.degrees(table[:, 3:])
+
+
+def without_turns(table: FloatArray) -> None:
+    table[:, 3:] = np.angle(np.exp(1j * table[:, 3:]))
+
+
+def exchanged(*columns: int) -> Callable[[FloatArray], None]:
+    def exchange(table: FloatArray) -> None:
+        table[:, columns] = table[:, columns[::-1]]
+
+    return exchange
+
+
+def behind_p(table: FloatArray) -> None:
+    table[:, 1:3] -= 0.05 * np.column_stack([np.cos(table[:, 3]), np.sin(table[:, 3])])
+
+
+@pytest.mark.parametrize("name", [ROUND, WAY])
+@pytest.mark.parametrize(
+    "change",
+    [exchanged(1, 2), exchanged(3, 4), without_turns, in_degrees, behind_p],
+    ids=["x, y", "angles", "wrapped", "degrees", "another point"],
+)
+def test_a_plan_that_slides_sideways_is_refused(
+    change: Callable[[FloatArray], None],
+    name: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    header, table = shipped(name)
+    if change is without_turns:
+        table[:, 3:] += 3.0 - table[0, 3]  # so that there is a jump on both ways
+    change(table)
+    write(tmp_path, header, table)
+    said = refused(tmp_path, capsys)
+    if (name, change) == (ROUND, in_degrees):
+        assert "away from that of its first: the file may be cut off, or its angles may be" in said
+        return
+    assert re.search(
+        r"reference: moves P at 0\.\d+ m/s across its heading .*, at \d+\.?\d* s", said
+    )
+    assert "columns exchanged, are angles in degrees or do they jump by a turn" in said
+    assert "hitch" not in said
+
+
+@pytest.mark.parametrize("name", [ROUND, WAY])
+def test_a_plan_of_fewer_rows_is_one_all_the_same(name: str, tmp_path: Path) -> None:
+    header, table = shipped(name)
+    thinned = np.concatenate([table[:-1:4], table[-1:]])
+    write(tmp_path, header, thinned)
+    assert main(["validate", str(tmp_path / "mine.toml")]) == 0
 
 
 @pytest.mark.parametrize("name", [ROUND, "figure_eight", "double_eight"])

@@ -138,10 +138,8 @@ class Knots:
         if apart[worst] <= CLOSED:
             return ""
         name, _, unit = columns(self.q.shape[1] - 3)[1 + worst].rpartition("_")
-        return (
-            f"{name} of its last row is {apart[worst]:.3g} {unit} away from that of its first: the "
-            "file may be cut off"
-        )
+        away = f"{apart[worst]:.3g} {unit} away from that of its first"
+        return f"{name} of its last row is {away}: {_cut_or_not_rad(unit)}"
 
     def _moving_end(self) -> str:
         """What of a way from rest to rest moves at an end, in words; empty: nothing."""
@@ -151,10 +149,8 @@ class Knots:
             allowed = max(AT_REST * rate.max(), STANDING)
             for step, end in ((-1, "last"), (0, "first")):
                 if rate[step] > allowed:
-                    return (
-                        f"{what} at {rate[step]:.3g} {unit} in its {end} step, and must rest at "
-                        "both ends: the file may be cut off"
-                    )
+                    moving = f"{what} at {rate[step]:.3g} {unit} in its {end} step"
+                    return f"{moving}, and must rest at both ends: {_cut_or_not_rad(unit)}"
         return ""
 
     @property
@@ -174,6 +170,12 @@ class Knots:
         spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
         spline.extrapolate = "periodic"
         return spline
+
+
+def _cut_or_not_rad(unit: str) -> str:
+    """What may be wrong with a table whose end is not as it should be."""
+    angles = ", or its angles may be in degrees or jump by a turn" if "rad" in unit else ""
+    return f"the file may be cut off{angles}"
 
 
 def _header(line: str) -> tuple[str, ...]:
