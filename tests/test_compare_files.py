@@ -83,7 +83,37 @@ def test_a_fit_is_validated_on_what_the_fitted_robot_can_drive(tmp_path: Path) -
 
 
 def test_tolerances_are_known_before_anything_runs() -> None:
-    assert known_numbers() == list(run_pair(open_loop((0.1, 1.0, 1.0))).numbers)
+    assert known_numbers(1) == list(run_pair(open_loop((0.1, 1.0, 1.0))).numbers)
+
+
+def test_tolerances_are_those_of_the_scenarios_trailers(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["compare", "two_trailers_turn", "--no-attribution", "--quiet"]
+    for override in ("duration_s=0.3", "output.figures=false", "output.recording=false"):
+        words += ["--set", override]
+    gate, out = tmp_path / "gate.toml", tmp_path / "out"
+    gate.write_text("theta4_deviation_rms_rad = 0.5\n")
+    assert main([*words, "--tolerance", str(gate), "--out", str(out)]) == 2
+    said = capsys.readouterr().err
+    assert (
+        "theta4_deviation_rms_rad: unknown key (did you mean 'theta3_deviation_rms_rad'?)" in said
+    )
+    assert "trailer_2/caster_trailer_left_slip_aside_max_m_s" in said.split("allowed: ")[1]
+    assert not out.exists()
+    # every number that compare.json has is one that may be bounded
+    assert main([*words, "--out", str(out)]) == 0
+    report = json.loads((out / "compare.json").read_text())
+    numbers = [key for key in report if re.search("_m$|_rad$|_s$|_j$", key)]
+    bounds = {key: 2.0 * abs(report[key]) + 1e-9 for key in numbers}
+    assert {"theta3_deviation_rms_rad", "trailer_2/caster_trailer_right_slip_along_max_m_s"} <= (
+        bounds.keys()
+    )
+    gate.write_text("".join(f'"{key}" = {bound!r}\n' for key, bound in bounds.items()))
+    assert main([*words, "--tolerance", str(gate), "--out", str(out), "--force"]) == 0
+    gate.write_text('"trailer_2/caster_trailer_right_slip_along_max_m_s" = 0.0\n')
+    assert main([*words, "--tolerance", str(gate), "--out", str(out), "--force"]) == 1
+    assert "trailer_2/caster_trailer_right_slip_along_max_m_s: got" in capsys.readouterr().err
 
 
 def test_the_files(tmp_path: Path) -> None:

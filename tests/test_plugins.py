@@ -18,6 +18,8 @@ from ttwmr_mj.references.shared.reference import Reference, reference_faults, sa
 from ttwmr_mj.references.straight_line import StraightLine
 from ttwmr_mj.registry import guarded
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario.checks import check
+from ttwmr_mj.scenario.file import load_scenario
 
 ROBOT = RobotParameters()
 ANGLES = ("theta", "theta_rate", "theta_acceleration")
@@ -205,6 +207,10 @@ class Wrong(Reference):
                 path.theta[2] = np.inf
             case "undefined":
                 path.theta[:, :, 1] = np.nan
+            case "aside":
+                path.theta[:, :, 0] += 0.1
+            case "a little aside":
+                path.theta[:, :, 0] += 0.03
             case "integers":
                 path = replace(path, derivatives=path.derivatives.astype(np.int64))
         return path
@@ -228,6 +234,18 @@ def test_a_packages_reference_is_looked_at(what: str, told: str) -> None:
     with pytest.raises(InputError, match=f"sample.. of test_plugins:Wrong raised {told}") as caught:
         sampled(Wrong(what=what), TIME, ROBOT)
     assert caught.value.faults[0].where == "reference.kind"
+
+
+def test_a_packages_reference_that_slides_sideways_is_refused() -> None:
+    scenario = load_scenario("outer_circle", ['controller={kind="feedforward"}'])
+
+    def told(what: str) -> str:
+        wrong = scenario.model_copy(update={"reference": Wrong(what=what)})
+        return "\n".join(map(str, check(wrong, [])))
+
+    assert "reference: moves P at 0.00998 m/s across its heading θ1" in told("aside")
+    assert "allowed: at most 0.005 m/s" in told("aside")
+    assert told("a little aside") == told("undefined") == ""
 
 
 def test_what_a_package_may_leave_undefined() -> None:

@@ -26,6 +26,12 @@ DEGREE = 7  # of the spline through the knots: six continuous derivatives
 LARGEST = 1e6  # m, rad or s
 SHORTEST_S = 1e-3  # between knots
 LENGTH_TOLERANCE_M = 1e-4  # of lengths below; a wrong swing length moves F by the difference
+# m or rad between first and last row of a round: four decimals of both leave as much of an angle,
+# and a robot of 0.1 m/s is as far on in SHORTEST_S, so that one row that is missing is noticed
+CLOSED = 1e-4
+# of a plan's top speeds, in its first and last step: as planned it is below 0.01, with every
+# fourth row of that 0.03; of what does not move at all, m/s or rad/s that rounding may leave
+AT_REST, STANDING = 0.05, 1e-3
 ONE_LENGTH, LENGTHS = "swing_length_m", "lengths_m"  # header entries of one trailer, of several
 PLANS = "`ttwmr plan` writes such files; shipped plans have no ending"
 
@@ -103,7 +109,10 @@ class Knots:
             raise ValueError(f"its numbers are not all finite and below {LARGEST:g}")
         if table[0, 0] != 0.0 or not (np.diff(table[:, 0]) >= SHORTEST_S).all():
             raise ValueError(f"its times do not increase from 0 by {SHORTEST_S:g} s or more")
-        return cls(table[:, 0], table[:, 1:], lengths, notes["ends"] == ENDS[0])
+        plan = cls(table[:, 0], table[:, 1:], lengths, notes["ends"] == ENDS[0])
+        if fault := plan._open_round() if plan.periodic else plan._moving_end():
+            raise ValueError(f"its header says that it ends {notes['ends']}, and {fault}")
+        return plan
 
     @property
     def duration_s(self) -> float:
@@ -122,6 +131,28 @@ class Knots:
             orders[1:, time_s > self.duration_s] = 0.0
         return orders
 
+    def _open_round(self) -> str:
+        """What of a round does not end as it began, in words; empty: nothing."""
+        apart = np.abs(self.q[-1] - self.q[0] - self._turn_rate_rad_s * self.duration_s)
+        worst = int(apart.argmax())
+        if apart[worst] <= CLOSED:
+            return ""
+        name, _, unit = columns(self.q.shape[1] - 3)[1 + worst].rpartition("_")
+        away = f"{apart[worst]:.3g} {unit} away from that of its first"
+        return f"{name} of its last row is {away}: {_cut_or_not_rad(unit)}"
+
+    def _moving_end(self) -> str:
+        """What of a way from rest to rest moves at an end, in words; empty: nothing."""
+        rates = np.abs(np.diff(self.q, axis=0) / np.diff(self.time_s)[:, None])
+        of_p, of_angles = np.hypot(rates[:, 0], rates[:, 1]), rates[:, 2:].max(axis=1)
+        for what, unit, rate in (("P moves", "m/s", of_p), ("an angle turns", "rad/s", of_angles)):
+            allowed = max(AT_REST * rate.max(), STANDING)
+            for step, end in ((-1, "last"), (0, "first")):
+                if rate[step] > allowed:
+                    moving = f"{what} at {rate[step]:.3g} {unit} in its {end} step"
+                    return f"{moving}, and must rest at both ends: {_cut_or_not_rad(unit)}"
+        return ""
+
     @property
     def _turn_rate_rad_s(self) -> FloatArray:
         """(3 + trailers,) that of angles which a round adds whole turns to, over all of it."""
@@ -139,6 +170,12 @@ class Knots:
         spline = make_interp_spline(self.time_s, closed, k=DEGREE, bc_type="periodic")
         spline.extrapolate = "periodic"
         return spline
+
+
+def _cut_or_not_rad(unit: str) -> str:
+    """What may be wrong with a table whose end is not as it should be."""
+    angles = ", or its angles may be in degrees or jump by a turn" if "rad" in unit else ""
+    return f"the file may be cut off{angles}"
 
 
 def _header(line: str) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError, require, shown
 from ttwmr_mj.files import named
-from ttwmr_mj.plants.model.names import CONTACTS
+from ttwmr_mj.plants.model.names import contacts
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import Verdict
 from ttwmr_mj.runs.closed_loop.loop import Report
@@ -128,11 +128,11 @@ def _both(scenario: Scenario, analytic: Trajectory | None, watch: Watch) -> Repo
     return report
 
 
-def known_numbers() -> list[str]:
-    """The keys a tolerance may be given for, before anything has run."""
-    zero, contacts = np.zeros(1), np.zeros((1, len(CONTACTS)))
-    deviation = Deviation(zero, np.zeros((1, 4)), zero, zero)
-    return [*deviation.numbers(), *Residuals(zero, contacts, contacts, zero, zero, zero).numbers()]
+def known_numbers(trailers: int) -> list[str]:
+    """The keys that a tolerance for this many trailers may have, before anything has run."""
+    zero, slip = np.zeros(1), np.zeros((1, len(contacts(trailers))))
+    deviation = Deviation(zero, np.zeros((1, 3 + trailers)), zero, zero)
+    return [*deviation.numbers(), *Residuals(zero, slip, slip, zero, zero, zero).numbers()]
 
 
 def refuse_unlike(scenario: Scenario) -> None:

@@ -116,7 +116,8 @@ def compare_scenario(
     _refuse_contradictions(scenario, options)
     unseen = _unseen(scenario, options) if options.fit else None
     file = options.tolerance
-    tolerances = read_tolerances(file, known_numbers()) if file else {}
+    known = known_numbers(len(scenario.robot.trailers))
+    tolerances = read_tolerances(file, known) if file else {}
     write_resolved(folder, scenario, (scenario_folder or Path()).absolute())
     write_manifest(folder, scenario, command_line or [])
     with ExitStack() as stack:

@@ -30,9 +30,9 @@ class Residuals(ArrayFields):
 
     Attributes:
         time_s: (n,).
-        slip_along_m_s: (n, 5) of the surfaces over the floor, forward, in the order of
+        slip_along_m_s: (n, 3 + 2·trailers) of the surfaces over the floor, forward, in the order of
             `names.contacts`; along the tractor for its wheels and its ball, else along the trailer.
-        slip_aside_m_s: (n, 5) the same to the left.
+        slip_aside_m_s: (n, 3 + 2·trailers) the same to the left.
         lateral_speed_m_s: (n,) Eq. 3: speed of P towards the tractor's right.
         trailer_torque_n_m: (n,) Eq. 17: torque about P that the trailer's motion lacks, mean over
             the period before; zero at the start.
