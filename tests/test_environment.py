@@ -231,3 +231,14 @@ def test_files_that_lie_about_are_not_run(line: str, littered: Path) -> None:
     done = ttwmr(littered, *line.split())
     assert not (littered.parent / "ran").exists(), (littered.parent / "ran").read_text()
     assert done.stdout.strip(), done.stderr
+
+
+@pytest.mark.slow
+def test_a_home_that_cannot_be_written_is_nothing_to_tell(tmp_path: Path) -> None:
+    """Where Matplotlib, which films and the check of libraries import, cannot keep its fonts."""
+    home = {"HOME": "/proc/nowhere", "MPLCONFIGDIR": "", "XDG_CONFIG_HOME": ""}
+    assert ttwmr(tmp_path, "run", "lab_circle", *SHORT, **home).stderr.replace("\r", "")[:7] == ""
+    film = ["-o", "film.gif", "--view", "overhead", "--quiet"]
+    for words in (["video", "out", *film], ["doctor"]):
+        done = ttwmr(tmp_path, *words, **home)
+        assert (done.returncode, done.stderr) == (0, ""), words

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import glob
 import json
+import logging
 import math
 import os
 import shutil
@@ -23,6 +24,7 @@ from ttwmr_mj.errors import Fault, InputError, MachineError, cut, require, shown
 MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
 MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
 _rename, _dumps = os.replace, json.dumps  # which a law may put others in place of
+UNHEARD = logging.NullHandler()
 DRAFT = ".part"  # what a file's name ends with until it is whole
 
 
@@ -269,6 +271,17 @@ def _set_variable(name: str, value: str | None) -> None:
         os.environ.pop(name, None)
     else:
         os.environ[name] = value
+
+
+@contextmanager
+def importing_matplotlib() -> Iterator[None]:
+    """Import it in this, whatever the environment says of its backend, or of where it may write.
+
+    Its words on where it keeps its lists of fonts are no words of ours; who logs still hears them.
+    """
+    logging.getLogger("matplotlib").addHandler(UNHEARD)
+    with variable("MPLBACKEND", None):  # it need not be installed, and is not used here
+        yield
 
 
 def is_file(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 from numpy.typing import NDArray
 
 from ttwmr_mj.figures.style import DPI, SIZE_IN, STYLE
-from ttwmr_mj.files import variable, written
+from ttwmr_mj.files import importing_matplotlib, written
 from ttwmr_mj.state import FloatArray
 
 if TYPE_CHECKING:
@@ -20,8 +19,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 Draw = Callable[["Figure"], None]
-# its words on where it keeps its lists of fonts are no words of ours; who logs still hears them
-logging.getLogger("matplotlib").addHandler(logging.NullHandler())
 
 
 @contextmanager
@@ -34,7 +31,7 @@ def canvas(
         size_in: width and height [in].
         looks: matplotlib settings that replace those of STYLE.
     """
-    with variable("MPLBACKEND", None):  # it need not be installed, and is not used here
+    with importing_matplotlib():
         import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -21,6 +22,9 @@ if TYPE_CHECKING:
     from ttwmr_mj.recording.stream.live import LiveView
 
 APPLICATION = "ttwmr"
+
+if hasattr(os, "register_at_fork"):  # a child cannot flush the streams that its parent has left
+    os.register_at_fork(before=rerun_bindings.flush_and_cleanup_orphaned_recordings)
 
 
 class RrdFile:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from ttwmr_mj.files import variable
+from ttwmr_mj.files import importing_matplotlib
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.scene.robot import force_scale_m_n
 from ttwmr_mj.recording.style import Colour
@@ -168,7 +168,7 @@ class Film:
 
 def _font(size: int, *, bold: bool = False) -> FreeTypeFont:
     """A font that every machine with matplotlib has."""
-    with variable("MPLBACKEND", None):
+    with importing_matplotlib():
         import matplotlib
     from PIL import ImageFont
 

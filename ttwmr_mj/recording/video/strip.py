@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ttwmr_mj.files import variable
+from ttwmr_mj.files import importing_matplotlib
 from ttwmr_mj.recording import style
 from ttwmr_mj.recording.style import Colour
 from ttwmr_mj.recording.video.footage import Footage
@@ -58,7 +58,7 @@ def _draw(
     footage: Footage, width: int, height: int
 ) -> tuple[Image, list[tuple[int, int, int, int]]]:
     """The whole strip, and (left, right, top, bottom) of its plots in pixels."""
-    with variable("MPLBACKEND", None):
+    with importing_matplotlib():
         from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 

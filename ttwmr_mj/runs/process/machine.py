@@ -9,6 +9,7 @@ from importlib.metadata import requires, version
 from pathlib import Path
 
 from ttwmr_mj.errors import cut, described
+from ttwmr_mj.files import importing_matplotlib
 from ttwmr_mj.recording.stream.viewer import display
 from ttwmr_mj.runs.files.folder import library_version
 from ttwmr_mj.vision.camera.rendering.gl import ANY, BACKENDS, DEBIAN_PACKAGES, asked_backend, probe
@@ -61,7 +62,8 @@ def _required() -> list[str]:
 def _fault_of(name: str) -> str:
     """Why an installed distribution cannot be imported; empty if it can."""
     try:
-        module = import_module(MODULES.get(name, name.replace("-", "_")))
+        with importing_matplotlib():
+            module = import_module(MODULES.get(name, name.replace("-", "_")))
     except Exception as error:  # a library that is damaged may raise anything
         return cut(described(error).splitlines()[0])
     return "" if module.__file__ else "its folder holds no code"
