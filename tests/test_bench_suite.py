@@ -146,7 +146,7 @@ def test_a_choice_overrides_more_where_it_meets_another(tmp_path: Path) -> None:
     found = {"-".join(row.names.values()): row for row in rows}
     period = "control.sampling_time_s=0.03"
     assert found["x-s-contact-truth-a"].overrides == (period,)
-    assert found["x-s-contact-truth-b"].overrides == (period, "duration_s=3.0", "name=b")
+    assert found["x-s-contact-truth-b"].overrides == (period, "name=b", "duration_s=3.0")
     assert found["y-s-contact-truth-b"].overrides == ("name=b",)
     assert "duration_s=3.0" in found["x-s-contact-truth-b"].command()
     assert {name for name, row in found.items() if not row.meant} == {
@@ -154,6 +154,24 @@ def test_a_choice_overrides_more_where_it_meets_another(tmp_path: Path) -> None:
     }
     assert {name for name, row in found.items() if row.scored == "steady"} == {
         f"{law}-{task}-contact-truth-a" for law in "xy" for task in "st"
+    }
+
+
+def test_when_counts_whatever_a_later_axis_sets(tmp_path: Path) -> None:
+    (tmp_path / "suite.toml").write_text(
+        'name = "a"\n[controller.x]\noverrides = ["duration_s=1.0"]\n'
+        'when.late = ["duration_s=4.0"]\nwhen.s = ["duration_s=3.0"]\n'
+        '[task.s]\nscenario = "lab_circle"\noverrides = ["duration_s=2.0"]\n'
+        '[task.t]\nscenario = "lab_circle"\noverrides = ["duration_s=2.0"]\n'
+        "[sensing.truth]\n[sensing.late]\n"
+    )
+    rows = rows_of(load_suite(str(tmp_path / "suite.toml")))
+    found = {key: scenario.duration_s for key, scenario in checked_scenarios(rows).items()}
+    assert found == {  # of two `when` that of the later axis, as of two overrides
+        "x-s-contact-truth-none-0": 3.0,
+        "x-s-contact-late-none-0": 4.0,
+        "x-t-contact-truth-none-0": 2.0,
+        "x-t-contact-late-none-0": 4.0,
     }
 
 
@@ -240,6 +258,13 @@ def test_as_many_rows_as_asked_and_no_folder_of_a_suite_that_cannot_run(
             'name = "a"\n[controller.x]\nskip = ["z"]\nwhen.x = []\n[controller.z]\n'
             '[task.y]\nscenario = "lab_circle"\n',  # names of its own axis
             "2 errors\n  controller.x.when: got 'x'; .*\n  controller.x.skip: got 'z'; allowed: y",
+        ),
+        (
+            'name = "a"\n[controller.noise]\n[task.y]\nscenario = "lab_circle"\n'
+            'skip = ["noise"]\nwhen.noise = []\nnot_meant_for = ["noise"]\n'
+            "[disturbance.noise]\n",
+            "3 errors\n  task.y.when: 'noise' is a choice of controller and of disturbance; give .*"
+            "\n  task.y.skip: 'noise' is a .*\n  task.y.not_meant_for: 'noise' is a choice of",
         ),
         (
             'name = "a"\nseeds = [3, 1, 3]\n[controller.x]\n[task.y]\n'

@@ -107,6 +107,24 @@ def test_the_best_is_named_where_it_is_better_than_every_other_on_the_same_seeds
     assert best(line("a", ahead), lost) == ["a"]
 
 
+def test_second_halves_are_not_compared_with_whole_runs() -> None:
+    ahead, behind = [float(i) for i in range(10)], [i + 0.5 for i in range(10)]
+    whole = [x + 20.0 for x in ahead]  # of the very same runs as `ahead`
+    b, d = (line(law, whole, scored="whole") for law in "bd")
+    assert not any(found.best for found in ranked([line("a", ahead), b], ORDER))
+    # a law that is compared with one is not held up by those that it is not compared with
+    lines = ranked([d, line("c", behind), b, line("a", ahead)], ORDER)
+    assert [(x.names["controller"], x.best) for x in lines] == [
+        *[("a", True), ("c", False)],  # the row of second halves
+        *[("b", False), ("d", False)],
+    ]
+    assert overview(lines)["circle"] == [
+        ["condition", "a", "b", "c", "d"],
+        ["contact · truth", "**4.5 (1 to 8)**", "", "5 (1.5 to 8.5)", ""],
+        ["contact · truth, whole run", "", "24.5 (21 to 28)", "", "24.5 (21 to 28)"],
+    ]
+
+
 def test_the_overview_says_who_stands_where_in_a_word() -> None:
     ten = [float(i) for i in range(1, 11)]
     lines = board(

@@ -95,7 +95,7 @@ class Line:
         command: runs its first seed again.
         manifest: of its first seed, relative to the leaderboard; None if that never started.
         recordings: of those runs that have one, relative to the leaderboard.
-        best: significantly better than every other law in the same place.
+        best: significantly better than every other law of its row, of which there are some.
     """
 
     names: dict[str, str]
@@ -107,6 +107,11 @@ class Line:
     recordings: tuple[str, ...] = ()
     best: bool = False
     repeats: tuple[int, ...] = ()
+
+    @property
+    def row(self) -> tuple[str, ...]:
+        """Lines of one are compared: all names but the law's, and what errors cover."""
+        return (*(self.names[axis] for axis in AXES[1:]), self.scored)
 
     @property
     def alike(self) -> bool:
@@ -164,7 +169,7 @@ def ranked(lines: Iterable[Line], order: dict[str, list[str]]) -> list[Line]:
     inorder = sorted(lines, key=lambda line: _rank(line, order))
     groups: dict[tuple[str, ...], list[Line]] = defaultdict(list)
     for line in inorder:
-        groups[tuple(line.names[axis] for axis in AXES[1:])].append(line)
+        groups[line.row].append(line)
     return [replace(x, best=_is_best(x, group)) for group in groups.values() for x in group]
 
 
@@ -193,9 +198,9 @@ def _is_better(line: Line, other: Line) -> bool:
 
 
 def _rank(line: Line, order: dict[str, list[str]]) -> tuple[Any, ...]:
-    """Tasks and their conditions as the suite has them; failures, then errors within one."""
+    """Tasks and their conditions as the suite has them; failures, then errors within a row."""
     place = {axis: order[axis].index(name) for axis, name in line.names.items()}
-    where = (place["task"], place["sensing"], place["plant"], place["disturbance"])
+    where = (place["task"], place["sensing"], place["plant"], place["disturbance"], line.scored)
     error = line.statistic(RANKED_BY)
     failed = len(line.failed) / len(line.runs)
     return (*where, failed, math.inf if error is None else error.median, place["controller"])

@@ -16,6 +16,9 @@ product of the axes, or of those parts of them that `[[block]]` tables pick:
     [[block]]                         # an axis left out takes all of its choices
     sensing = ["camera"]
     seeds = [0, 1]
+
+Of a key that several choices set, the last counts: the overrides of all choices come first, in the
+order of `AXES`, then all of their `when`, which say the more particular.
 """
 
 import itertools
@@ -225,10 +228,10 @@ def _faults(suite: Suite) -> list[Fault]:
     ]
     names = {axis: list(getattr(suite, axis)) for axis in AXES}
     for axis in AXES:
-        others = [name for other in AXES if other != axis for name in names[other]]
+        others = {other: names[other] for other in AXES if other != axis}
         for name, choice in getattr(suite, axis).items():
             for key in ("when", "skip", "not_meant_for"):
-                faults += _unknown((axis, name, key), getattr(choice, key), others)
+                faults += _unclear((axis, name, key), getattr(choice, key), others)
             changes = [*choice.overrides, *itertools.chain(*choice.when.values())]
             faults += [
                 Fault(key=(axis, name, "overrides"), got=repr(change), hint="a suite has `seeds`")
@@ -269,6 +272,16 @@ def _unknown(key: Keys, given: Collection[str], allowed: list[str]) -> list[Faul
     ]
 
 
+def _unclear(key: Keys, given: Collection[str], others: dict[str, list[str]]) -> list[Fault]:
+    """A fault for each name that no other axis has (axis → names), or that several have."""
+    faults = _unknown(key, given, [name for names in others.values() for name in names])
+    for name in given:
+        if len(axes := [axis for axis, names in others.items() if name in names]) > 1:
+            problem = f"{name!r} is a choice of {' and of '.join(axes)}"
+            faults.append(Fault(key=key, problem=problem, hint="give them different names"))
+    return faults
+
+
 def rows_of(suite: Suite) -> list[SuiteRow]:
     """Every row, block by block, seeds innermost; what several blocks name is one row."""
     rows = {row.key: row for block in suite.block for row in _rows_of_block(suite, block)}
@@ -285,22 +298,13 @@ def _rows_of_block(suite: Suite, block: Block) -> Iterator[SuiteRow]:
         if any(name in choice.skip for choice, name in pairs):
             continue
         scenario = choices[AXES.index("task")].scenario or ""
-        overrides = tuple(
-            item for pair in zip(choices, others, strict=True) for item in _overrides(*pair)
-        )
+        own = [item for choice in choices for item in choice.overrides]
+        together = [item for choice, name in pairs for item in choice.when.get(name, ())]
         scored: Scored = "whole" if any(c.scored == "whole" for c in choices) else "steady"
         meant = not any(name in choice.not_meant_for for choice, name in pairs)
         for seed in block.seeds or suite.seeds:
             named = dict(zip(AXES, names, strict=True))
-            yield SuiteRow(named, seed, scenario, overrides, scored, meant)
-
-
-def _overrides(choice: Choice, names: Collection[str]) -> Iterator[str]:
-    """A choice's own, then those that it has together with the other choices of its row."""
-    yield from choice.overrides
-    for name, overrides in choice.when.items():
-        if name in names:
-            yield from overrides
+            yield SuiteRow(named, seed, scenario, (*own, *together), scored, meant)
 
 
 def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
