@@ -18,9 +18,12 @@ from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.engine import warnings_kept
 from ttwmr_mj.plants.model.mjcf import build_model
+from ttwmr_mj.plants.model.overlap import overlaps_m
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
 from ttwmr_mj.state import RobotState
 from ttwmr_mj.vision.camera.labels import read_layout
+from ttwmr_mj.vision.camera.model import hang_camera
+from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.rendering.posture import Posture
 
 ROBOT = RobotParameters()
@@ -227,6 +230,67 @@ def test_where_the_robot_would_not_stand_is_refused(floor: str, place: str, tmp_
     with pytest.raises(InputError, match=place) as refused:
         ContactPlant(ROBOT, scene(tmp_path, floor=floor))
     assert refused.value.faults[0].where == "plant.contact.model_path"
+
+
+ROW = "".join(
+    f'<body pos="{1 + 0.12 * i} 1 0.05"><freejoint/><geom size="0.05"/></body>' for i in range(60)
+)
+FAST = """<body pos="2 2 1"><joint axis="0 0 1" stiffness="1" springref="90"
+  damping="-10"/>
+<geom size="0.1" pos="0.2 0 0"/></body>"""
+FALLING = '<body pos="0.02 0.03 2"><freejoint/><geom type="box" size="0.5 0.5 0.02"/></body>'
+
+
+def filled(memory: str, bodies: str) -> str:
+    return f'<size memory="{memory}"/><worldbody>{bodies}</worldbody>'
+
+
+@pytest.mark.parametrize(
+    ("after", "told", "do"),
+    [
+        (filled("10K", ""), "out of memory", "<size memory="),
+        (filled("200K", ROW), "Insufficient arena memory", "<size memory="),
+        (filled("1M", FAST), "Nan, Inf or huge value", "moving that fast"),
+    ],
+    ids=["no robot fits", "full", "unstable"],
+)
+def test_a_scene_in_which_physics_fails_is_refused_for_that(
+    after: str, told: str, do: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = scene(tmp_path, after=after).model_path
+    given = f"plant.contact.model_path={path}"
+    for command in ("validate", "run"):
+        words = ["--out", str(tmp_path / "run")] if command == "run" else []
+        assert main([command, "outer_circle", "--set", given, *words]) == 2
+        error = capsys.readouterr().err
+        assert told in error
+        assert do in error
+        assert "floor level" not in error
+    assert not (tmp_path / "run").exists()
+
+
+def test_memory_that_is_full_only_later_ends_the_run_with_the_cause(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = scene(tmp_path, after=filled("32K", FALLING)).model_path
+    given = ["duration_s=0.8", f"plant.contact.model_path={path}"]
+    given += ["output.recording=false", "output.figures=false"]
+    sets = [word for one in given for word in ("--set", one)]
+    assert main(["run", "outer_circle", *sets, "--out", str(tmp_path / "run")]) == 1
+    said = capsys.readouterr()
+    assert "the physics failed: " in said.out + said.err
+    assert "memory" in said.out + said.err
+    assert "unexpected" not in said.err
+
+
+def test_what_only_looks_at_a_scene_needs_no_memory_for_contacts(tmp_path: Path) -> None:
+    own = scene(tmp_path, after=filled("50K", ROW))
+    model = build_model(ROBOT, own)
+    shipped = build_model(ROBOT, ContactOptions())
+    np.testing.assert_array_equal(read_layout(model).offset_m, read_layout(shipped).offset_m)
+    cameras = [hang_camera(each, CameraOptions()) for each in (model, shipped)]
+    np.testing.assert_array_equal(cameras[0].rotation, cameras[1].rotation)
+    assert overlaps_m(ROBOT, own, np.array([[1.0, 1.0, 0.0, 0.0]])) == {}
 
 
 def test_warnings_in_python_are_kept_like_those_in_c(tmp_path: Path) -> None:

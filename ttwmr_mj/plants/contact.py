@@ -16,7 +16,7 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
 from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.model.contact_options import ContactOptions
-from ttwmr_mj.plants.model.engine import batch, mujoco
+from ttwmr_mj.plants.model.engine import Faults, batch, mujoco
 from ttwmr_mj.plants.model.joints import HEIGHT, Joints, as_slice
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.names import WHEELS, casters, contacts, trailer_part
@@ -85,7 +85,7 @@ class ContactPlant(Plant):
         self._sensordata = self._batch.bind("sensordata")
         self._control = self._batch.bind("ctrl")
         self._forces = self._batch.bind("xfrc_applied")
-        self._warnings = self._batch.warning[:, :, 1]  # a live view of the counters
+        self._faults = Faults(self._batch)
         self._body_position = self._batch.bind("xpos")
         self._body_axes = self._batch.bind("xmat")
         self._find_bodies(self._joints.trailers)
@@ -126,6 +126,7 @@ class ContactPlant(Plant):
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
+        self._faults.forget()
         standing = self._settled_qpos
         if not self._stance.flat:
             standing = self._settled_on_relief(initial)
@@ -142,7 +143,8 @@ class ContactPlant(Plant):
         self._passed.clear()
         # inputs that give no torque: of zero, servos would brake in the first readings
         self._control[:, self._drives] = self._back * self._setpoint
-        self._batch.forward()
+        with self._faults.kept():
+            self._batch.forward()
         if self._regions:
             self._feel_floor()
         self._roll_balls()
@@ -155,7 +157,8 @@ class ContactPlant(Plant):
             around = initial.q[i, :2] + self._reach_m * AROUND
             qpos[i, free + HEIGHT] += relief.at(around).max()
         self._qpos[:], self._qvel[:] = qpos, 0.0
-        self._batch.rollout(round(LET_DOWN_S / self.time_step_s), np.zeros((self.nsim, 1, 2)))
+        with self._faults.kept():
+            self._batch.rollout(round(LET_DOWN_S / self.time_step_s), np.zeros((self.nsim, 1, 2)))
         pattern = np.array(self._qpos)
         self._batch.reset()
         return self._joints.turned_back(pattern)
@@ -169,8 +172,8 @@ class ContactPlant(Plant):
         return self._stance.footing(stance)
 
     def sound(self, stance: FloatArray) -> bool:
-        """Whether MuJoCo did not warn, and the robots plainly stand."""
-        return not self._warnings.any() and self._stance.stands(stance)
+        """Whether nothing failed in MuJoCo, and the robots plainly stand."""
+        return not self._faults.any() and self._stance.stands(stance)
 
     def _roll_balls(self) -> None:
         """Spin the casters' balls so that they roll: their points of contact are at rest."""
@@ -184,7 +187,8 @@ class ContactPlant(Plant):
         local = np.einsum("...ji,...j->...i", axes, spin)  # MuJoCo wants it in the ball's axes
         for ball, start in enumerate(self._joints.ball_qvel):
             self._qvel[:, start : start + 3] += local[:, ball]
-        self._batch.forward()
+        with self._faults.kept():
+            self._batch.forward()
 
     def state(self) -> RobotState:
         """Pose and velocity of P and of both halves, read from the joints."""
@@ -240,11 +244,12 @@ class ContactPlant(Plant):
 
     def _step(self, inputs: FloatArray) -> None:
         """Physics steps under inputs (nsim, n, 2) of the wheels' drives, as of `Drive`."""
-        passed = self._batch.rollout(
-            inputs.shape[1], inputs[..., self._drives], record=self._record
-        )
-        if passed:
-            self._passed.append((passed["qpos"], passed["qvel"], inputs))
+        with self._faults.kept():
+            passed = self._batch.rollout(
+                inputs.shape[1], inputs[..., self._drives], record=self._record
+            )
+            if passed:
+                self._passed.append((passed["qpos"], passed["qvel"], inputs))
 
     def _feel_floor(self) -> None:
         """Give wheels and balls the friction of where they are now, until this is called again."""
@@ -288,14 +293,12 @@ class ContactPlant(Plant):
         return [np.concatenate(parts, axis=1) for parts in zip(*self._passed, strict=True)]
 
     def failed(self) -> BoolArray:
-        """(nsim,) simulations in which MuJoCo warned, as it does of states that are not finite."""
-        return np.asarray(self._warnings.any(axis=1))
+        """(nsim,) simulations in which MuJoCo warned or raised an error."""
+        return self._faults.failed()
 
     def fault(self, index: int) -> str:
-        """MuJoCo's warnings of one simulation, in its words."""
-        counters = self._batch.warning[index]
-        raised = np.flatnonzero(counters[:, 1])
-        return " ".join(mujoco.mju_warningText(int(i), int(counters[i, 0])) for i in raised)
+        """MuJoCo's warnings and errors of one simulation, in its words."""
+        return self._faults.of(index)
 
 
 def _compiled(

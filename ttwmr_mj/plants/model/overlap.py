@@ -19,13 +19,14 @@ def overlaps_m(
 
     Args:
         robot: its bodies.
-        options: its scene.
+        options: how its contacts are solved.
         q: (1, 3 + n) x, y of P, θ1, θ2, ….
 
     Returns:
         Names of two bodies → depth [m]; what is hinged together may overlap.
     """
-    model = build_model(robot, options)
+    # what else is in a scene of the user's own lies in no hull, and may fill its memory
+    model = build_model(robot, options.model_copy(update={"model_path": None}))
     data, joints = mujoco.MjData(model), Joints(model)
     data.qpos[:] = joints.standing(np.array(model.qpos0)[None], q)[0]
     mujoco.mj_fwdPosition(model, data)

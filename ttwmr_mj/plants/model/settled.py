@@ -5,8 +5,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError
-from ttwmr_mj.plants.model.engine import batch, mujoco
+from ttwmr_mj.errors import InputError, in_brief
+from ttwmr_mj.plants.model.engine import Faults, batch, mujoco
 from ttwmr_mj.plants.model.joints import HEIGHT, Joints, W, X, Y
 from ttwmr_mj.plants.model.relief import take_off
 from ttwmr_mj.state import FloatArray
@@ -38,7 +38,8 @@ def settled_qpos(
         (nsim, nq) positions, yaw 0.
 
     Raises:
-        InputError: in a scene of the user's own the robot does not come to rest on its wheels.
+        InputError: in a scene of the user's own physics fails, or the robot does not come to rest
+            on its wheels. In the laboratory the run tells that.
     """
     first = {id(model): i for i, model in reversed(list(enumerate(models)))}
     place = {key: i for i, key in enumerate(first)}
@@ -49,13 +50,16 @@ def settled_qpos(
     apart = batch.Batch(level[0], len(level), min(threads, len(level)))
     if len(level) > 1:
         apart.set_models(level)
-    qpos, qvel = apart.bind("qpos"), apart.bind("qvel")
-    apart.reset()
+    qpos, qvel, faults = apart.bind("qpos"), apart.bind("qvel"), Faults(apart)
+    with faults.kept():
+        apart.reset()
     standing = np.array(qpos)
-    apart.step(nstep=round(SETTLE_S / level[0].opt.timestep))
+    with faults.kept():
+        apart.step(nstep=round(SETTLE_S / level[0].opt.timestep))
     joints = Joints(level[0])
     for row, i in enumerate(first.values()):
         if in_own_scene[i]:
+            _refuse_failed(faults.of(row))
             _refuse_unsteady(joints, qpos[row] - standing[row], qvel[row])
     free = joints.free_qpos
     tilts = [free + Y, free + X] if leans else [free + Y]
@@ -63,6 +67,22 @@ def settled_qpos(
     standing[:, sunk] = np.round(qpos[:, sunk], SETTLED_DECIMALS)
     standing[:, free + W] = np.sqrt(1.0 - (standing[:, tilts] ** 2).sum(axis=1))
     return standing[[place[id(model)] for model in models]]
+
+
+def _refuse_failed(fault: str) -> None:
+    """What has failed says nothing of the floor."""
+    if not fault:
+        return
+    hint = "keep what else is in it from lying deep in each other or moving that fast"
+    if "memory" in fault:  # full of contacts
+        hint = 'raise <size memory="…"/> in the scene or leave it out, or let fewer things touch'
+    raise InputError.at(
+        "plant.contact.model_path",
+        f"MuJoCo fails within {SETTLE_S:g} s after the robot was put on the floor at the origin: "
+        f"{in_brief(fault)}",
+        allowed="a scene that it can simulate",
+        hint=hint,
+    )
 
 
 def _refuse_unsteady(joints: Joints, moved: FloatArray, qvel: FloatArray) -> None:

@@ -136,7 +136,7 @@ def read_layout(model: mujoco.MjModel) -> LabelLayout:
         InputError: a label or the site P is missing.
     """
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    mujoco.mj_kinematics(model, data)
     try:
         trailers = Joints(model).trailers
         parts = label_parts(trailers)

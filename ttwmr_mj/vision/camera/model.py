@@ -95,7 +95,8 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     if any(getattr(options, name) for name in MOVES):
         _move(camera, options)
     data = mujoco.MjData(model)
-    mujoco.mj_forward(model, data)
+    for place in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_camlight):  # no contacts
+        place(model, data)
     axes = data.cam_xmat[camera.id].reshape(3, 3)
     focal = 0.5 * options.height_px / np.tan(np.radians(float(camera.fovy[0])) / 2)
     size = np.array([options.width_px, options.height_px], dtype=np.float64)
