@@ -10,8 +10,8 @@ import numpy as np
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.results.curves import Curves
-from ttwmr_mj.runs import build
 from ttwmr_mj.runs.experiment import Experiment
+from ttwmr_mj.scenario.motion import initial_state
 from ttwmr_mj.scenario.schema import OnReference, Scenario
 from ttwmr_mj.state import BoolArray, FloatArray, RobotState
 
@@ -130,7 +130,7 @@ def _caught_after(
     count = len(offsets[0])
     on_reference = scenario.model_copy(update={"initial": OnReference(kind="on_reference")})
     experiment = Experiment(on_reference, nsim=count)
-    start = build.initial_state(on_reference, experiment.reference, count)
+    start = initial_state(on_reference, experiment.reference, count)
     q, heading = start.q.copy(), start.q[:, 2]
     for offset, (left, turned) in zip(offsets, directions, strict=True):
         q[:, 0] -= left * offset * np.sin(heading)

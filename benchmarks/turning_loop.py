@@ -27,7 +27,7 @@ from ttwmr_mj.dynamics.kinematics import q_rate, to_body, workspace_rate
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.runs import build
 from ttwmr_mj.runs.closed_loop.actuation import Actuation
-from ttwmr_mj.scenario.motion import believed_reference, sample_reference
+from ttwmr_mj.scenario.motion import believed_reference, initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import FloatArray, RobotState
@@ -62,7 +62,7 @@ class Loop:
         self._actuation = Actuation(
             scenario.control, scenario.steps_per_period, rng["commands"].spawn(nsim)
         )
-        plant.reset(build.initial_state(scenario, reference, nsim))
+        plant.reset(initial_state(scenario, reference, nsim))
         task = Task(
             scenario.believed_robot,
             told,

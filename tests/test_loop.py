@@ -21,11 +21,11 @@ from trajectories import different
 
 import ttwmr_mj as tt
 from ttwmr_mj.errors import Fault
-from ttwmr_mj.runs.build import generators, initial_state
+from ttwmr_mj.runs.build import generators
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.process.background import Background
 from ttwmr_mj.runs.pushes import Push, forces
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import PushOptions
 
 HERE = Path(__file__).parent

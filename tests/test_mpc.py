@@ -14,12 +14,12 @@ from ttwmr_mj.controllers.tvlqr import TvlqrOptions
 from ttwmr_mj.references.nothing import Nothing
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
-from ttwmr_mj.runs.build import initial_state, make_controller
+from ttwmr_mj.runs.build import make_controller
 from ttwmr_mj.runs.execute import run_scenario
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.report import details_text
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import signal
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -253,6 +256,32 @@ def test_a_folder_in_use_is_refused_and_left_alone(
     with locked(tmp_path):
         assert main(command) == 2
     assert "this process fills this folder already" in capsys.readouterr().err
+    assert files(tmp_path) == before
+
+
+@pytest.mark.parametrize("number", [errno.EACCES, errno.EPERM, errno.EROFS])
+@pytest.mark.parametrize("words", [["score"], ["run", "lab_circle", "--force", "--out"]])
+def test_a_folder_that_may_not_be_written_in_is_refused_as_that(
+    words: list[str],
+    number: int,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    (tmp_path / "scenario.resolved.toml").touch()
+    before = a_run(tmp_path)
+    opened = Path.open
+
+    def forbidden(path: Path, mode: str = "r", *args: Any, **options: Any) -> Any:
+        if mode.startswith("a"):  # root may write anywhere
+            raise OSError(number, os.strerror(number), str(path))
+        return opened(path, mode, *args, **options)
+
+    monkeypatch.setattr(Path, "open", forbidden)
+    assert main([*words, str(tmp_path)]) == 2
+    error = capsys.readouterr().err
+    assert f"got {tmp_path}; cannot be written in, so that it cannot be locked" in error
+    assert f"{os.strerror(number)}); allowed: a folder that you may write in" in error
     assert files(tmp_path) == before
 
 

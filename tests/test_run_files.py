@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.runs.files import folder as folders
 from ttwmr_mj.runs.files.folder import git_commit, results_folder
 from ttwmr_mj.runs.report import (
@@ -86,6 +88,19 @@ def test_metrics_add_up(run: tuple[tt.Scenario, Path, dict[str, float]]) -> None
     assert metrics["control_time_per_sample_us"] == pytest.approx(each_us)
     assert 1e-6 * each_us <= metrics["control_slowest_s"] <= wall_time_s["controller"]
     assert metrics["control_overruns"] <= len(rows)
+
+
+def test_a_clock_that_stands_still_gives_no_real_time_factor(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("ttwmr_mj.runs.closed_loop.stopwatch.perf_counter", lambda: 7.0)
+    lean = ["duration_s=0.1", "output.recording=false", "output.figures=false"]
+    sets = [word for one in lean for word in ("--set", one)]
+    folder = tmp_path / "run"
+    assert main(["run", "lab_circle", "--out", str(folder), *sets]) == 0
+    assert re.search(r"undefined +real_time_factor", capsys.readouterr().out)
+    metrics = read_metrics(folder / "metrics.json")
+    assert (metrics["wall_time_s"], metrics["real_time_factor"]) == (0.0, None)
 
 
 def test_a_commit_is_named_whole_and_dirty_if_changed(

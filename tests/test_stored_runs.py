@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
+from run_folders import LEAN, Columns, edit, made
 
 import ttwmr_mj as tt
 from ttwmr_mj.assets import scenarios_folder
@@ -21,14 +20,12 @@ from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.results.row_stream import ROWS_FILE, RowStream
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.closed_loop.pace import Pace
-from ttwmr_mj.runs.execute import run_experiment, run_scenario
+from ttwmr_mj.runs.execute import run_experiment
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.files.folder import write_resolved
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.scenario.stored import SAME, StoredRun
+from ttwmr_mj.scenario.stored.run import SAME, StoredRun
 
-Columns = dict[str, Any]
-LEAN = ("output.recording=false", "output.figures=false", "duration_s=1.0")
 INF, NAN = float("inf"), float("nan")
 
 
@@ -40,18 +37,6 @@ def circle(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture
 def folder(circle: Path, tmp_path: Path) -> Path:
     return shutil.copytree(circle, tmp_path / "run")
-
-
-def made(folder: Path, name: str, *overrides: str, beside: Path | None = None) -> Path:
-    run_scenario(tt.load_scenario(name, [*LEAN, *overrides]), folder, scenario_folder=beside)
-    return folder
-
-
-def edit(folder: Path, change: Callable[[Columns], Columns]) -> None:
-    file = folder / "trajectory.parquet"
-    table = pq.read_table(file)
-    columns = {name: table[name].to_numpy().copy() for name in table.column_names}
-    pq.write_table(pa.table(change(columns)), file)
 
 
 def at(name: str, row: int, value: float) -> Callable[[Columns], Columns]:

@@ -17,9 +17,8 @@ from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.names import casters, trailer_part
 from ttwmr_mj.references.shared.feasibility import check_feasibility
 from ttwmr_mj.robot import Casters, RobotParameters
-from ttwmr_mj.runs.build import initial_state
 from ttwmr_mj.runs.pushes import Push, forces
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import PushOptions
 from ttwmr_mj.state import RobotState
 

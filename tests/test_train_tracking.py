@@ -15,8 +15,8 @@ from ttwmr_mj.dynamics.sampled.train import SampledTrain
 from ttwmr_mj.dynamics.train import FASTEST_SWING_RAD_S, solve, swing_matrix
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs.build import initial_state, make_controller
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.runs.build import make_controller
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, RobotState
 

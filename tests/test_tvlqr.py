@@ -22,10 +22,9 @@ from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.planned import Planned
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.robot import Hitch, RobotParameters, Servo
-from ttwmr_mj.runs.build import initial_state
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import RobotState

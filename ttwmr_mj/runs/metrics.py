@@ -14,7 +14,10 @@ from ttwmr_mj.scenario.schema import Scenario
 
 
 def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[str, Any]:
-    """metrics.json of a run of one simulation: verdict and status first, then the numbers."""
+    """metrics.json of a run of one simulation: verdict and status first, then the numbers.
+
+    Of a clock that stands still there is no real-time factor.
+    """
     (outcome,), took = result.outcomes, result.control_time_s
     controller_s = result.wall_time_s.get("controller", 0.0)
     return {
@@ -26,7 +29,7 @@ def metrics_of(result: Result, scenario: Scenario, wall_time_s: float) -> dict[s
         "control_overruns": int((took > scenario.control.sampling_time_s).sum()),
         "control_slowest_s": float(took.max()) if took.size else None,
         "wall_time_s": wall_time_s,
-        "real_time_factor": outcome.time_s / wall_time_s,
+        "real_time_factor": outcome.time_s / wall_time_s if wall_time_s else None,
     }
 
 

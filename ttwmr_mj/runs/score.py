@@ -18,7 +18,7 @@ from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.runs.metrics import repeatable_metrics, write_metrics
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.scenario.stored import StoredRun
+from ttwmr_mj.scenario.stored.run import StoredRun
 
 
 def score_run(folder: Path) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.runs.law.laws import Laws, NoRandomNumbers, Part
 from ttwmr_mj.runs.pushes import Push
-from ttwmr_mj.scenario.motion import believed_reference, sample_reference
+from ttwmr_mj.scenario.motion import believed_reference, initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor
 from ttwmr_mj.state import RobotState
@@ -204,7 +204,7 @@ class Simulations:
     def _initial(self) -> RobotState:
         """Where every simulation starts."""
         pairs = zip(self.scenarios, self.references, strict=True)
-        states = [build.initial_state(scenario, reference) for scenario, reference in pairs]
+        states = [initial_state(scenario, reference) for scenario, reference in pairs]
         return RobotState(
             *(np.concatenate([getattr(s, n) for s in states]) for n in ("q", "q_rate"))
         )

@@ -96,7 +96,8 @@ def _print_run(run: "execute.Run") -> None:
         + "\n"
     )
     print(results_table(run.metrics))
-    speed = f"{run.metrics['real_time_factor']:.3g} ×"
+    factor = run.metrics["real_time_factor"]
+    speed = "undefined" if factor is None else f"{factor:.3g} ×"
     label = "real-time factor, waits left out" if run.pace else "real-time factor"
     print(f"{label:33s} {speed:>12s}  real_time_factor")
     if run.pace:

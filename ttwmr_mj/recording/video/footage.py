@@ -13,7 +13,7 @@ from ttwmr_mj.results.curves import Curves, trailer_com
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.scenario.stored import StoredRun
+from ttwmr_mj.scenario.stored.run import StoredRun
 from ttwmr_mj.state import FloatArray
 
 MOST_FRAMES = 200_000  # two hours of video

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import socket
 from collections.abc import Iterator
@@ -9,9 +10,10 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, refused
 
 NAME = ".lock"
+FORBIDDEN = frozenset({errno.EACCES, errno.EPERM, errno.EROFS})
 
 
 @contextmanager
@@ -26,7 +28,8 @@ def locked(folder: Path, part: str = "", key: str = "--out") -> Iterator[None]:
         key: what named the folder, for the error.
 
     Raises:
-        InputError: another process or thread holds it; the message says which.
+        InputError: another process or thread holds it, and the message says which; or nobody here
+            may write in it.
     """
     path = folder / (f"{NAME}-{part}" if part else NAME)
     for other in folder.glob(NAME if part else f"{NAME}-*"):
@@ -59,7 +62,7 @@ def _taken(path: Path, key: str) -> IO[bytes] | None:
     except ImportError:
         return None
     while True:
-        file = path.open("a+b", buffering=0)
+        file = _opened(path, key)
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
@@ -77,6 +80,21 @@ def _taken(path: Path, key: str) -> IO[bytes] | None:
         if _is_at(path, file):
             return file
         file.close()
+
+
+def _opened(path: Path, key: str) -> IO[bytes]:
+    try:
+        return path.open("a+b", buffering=0)
+    except OSError as error:
+        if error.errno not in FORBIDDEN:
+            raise
+        raise InputError.at(
+            key,
+            f"cannot be written in, so that it cannot be locked ({path.name}: {refused(error)})",
+            got=str(path.parent),
+            allowed="a folder that you may write in",
+            hint="change its permissions, or use a folder of your own",
+        ) from error
 
 
 def _is_at(path: Path, file: IO[bytes]) -> bool:

@@ -14,9 +14,8 @@ from ttwmr_mj.errors import Fault, rounded
 from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
 from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
 from ttwmr_mj.references.shared.path import ReferencePath
-from ttwmr_mj.runs.build import initial_state
 from ttwmr_mj.runs.judgement.verdict import demands_of
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 

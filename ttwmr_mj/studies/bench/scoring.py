@@ -14,7 +14,7 @@ from ttwmr_mj.runs.judgement.judged import judged
 from ttwmr_mj.runs.judgement.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.scenario.stored import StoredRun
+from ttwmr_mj.scenario.stored.run import StoredRun
 from ttwmr_mj.studies.bench.execute import ROW_FILE, row_folder, stored_row
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked, without_repeats
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of

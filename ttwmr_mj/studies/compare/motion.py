@@ -13,13 +13,13 @@ from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.runs.build import generator, initial_state, make_plant
+from ttwmr_mj.runs.build import generator, make_plant
 from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.loop import Outcome, Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.law.answers import TORQUE_SIGNALS
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
 from ttwmr_mj.studies.compare.physics_rate import PhysicsRate

@@ -17,8 +17,10 @@ from ttwmr_mj.results.row_stream import read_run, rows_file
 from ttwmr_mj.results.trajectory import FOOTING, Trajectory, q_names
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.limits import ESCAPE
-from ttwmr_mj.scenario.motion import sample_reference
+from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.scenario.stored.continuity import broken_motion
+from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.state import FloatArray
 
 # m, rad, and of both in a second: other processors and libraries round otherwise, by some 1e-12,
@@ -74,6 +76,14 @@ class StoredRun:
         last = int(told[-1]) if told.size else -1
         return float(self.rows.time_s[min(last + 1, len(self.rows) - 1)])
 
+    @property
+    def _reached(self) -> int:
+        """Rows before the run ended; in one that failed the last may be anything."""
+        if self.metrics is not None and self.metrics["status"] == "ok":
+            return len(self.rows)
+        half_s = 0.5 * self.scenario.control.sampling_time_s
+        return int(np.sum(self.rows.time_s < self._end_s - half_s))
+
     def _problems(self) -> Iterator[str]:
         """Why the rows cannot be of the scenario; each holds only where those before do not."""
         driven, given = self.rows.q.shape[-1] - 3, len(self.scenario.robot.trailers)
@@ -83,6 +93,12 @@ class StoredRun:
         yield from self._wrong_times()
         yield from self._wrong_reference()
         yield from self._wrong_values()
+        yield from broken_motion(
+            self.rows.rows(0, self._reached),
+            initial_state(self.scenario, self.reference),
+            SAME,
+            told_as_it_is=self.scenario.sensing == TruthSensing(),
+        )
 
     def _wrong_times(self) -> Iterator[str]:
         """Rows are one per control period, from 0 to where the run ended."""
@@ -120,10 +136,8 @@ class StoredRun:
                 yield f"its reference is not that of its scenario, from {first_s:g} s on"
 
     def _wrong_values(self) -> Iterator[str]:
-        """In rows that were reached before the run ended; in one that failed the last may miss."""
-        rows, ok = self.rows, self.metrics is not None and self.metrics["status"] == "ok"
-        half_s = 0.5 * self.scenario.control.sampling_time_s
-        reached = len(rows) if ok else int(np.sum(rows.time_s < self._end_s - half_s))
+        """In rows that were reached."""
+        rows, reached = self.rows, self._reached
         columns = rows.to_columns()
         unknown = set(rows.signals)
         for names in TOGETHER:
