@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from driven import shares_driven
 from trains import motley, train
 
 import ttwmr_mj as tt
@@ -14,12 +15,15 @@ from ttwmr_mj.dynamics.hitch import spring_damper_torque
 from ttwmr_mj.dynamics.train import on_trailers, trailer_accelerations
 from ttwmr_mj.references.planned import Knots
 from ttwmr_mj.results.curves import centre_of_oscillation
-from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.robot import Hitch, RobotParameters, Trailer
 from ttwmr_mj.runs.judgement.foresight import foretold
 
 pytest.importorskip("casadi")
 import casadi as ca
 
+from ttwmr_mj.planning.limits import limits_of
+from ttwmr_mj.planning.request import Request
+from ttwmr_mj.planning.through_points import plan_through
 from ttwmr_mj.planning.transcription import (
     A1,
     THETA1,
@@ -32,6 +36,7 @@ from ttwmr_mj.planning.transcription import (
     trailer_rows,
 )
 
+RING_M = [[0.4, 0.0], [0.25, 0.35], [-0.25, 0.3], [-0.4, 0.0], [-0.2, -0.35], [0.25, -0.3]]
 RNG = np.random.default_rng(5)
 
 
@@ -98,3 +103,31 @@ def test_the_command_plans_for_two_trailers(tmp_path: Path) -> None:
     assert scenario.controller.kind == "tvlqr"
     assert foretold(scenario) == []  # between its rows, too, the hitches are asked for nothing
     assert tt.simulate(scenario).verdicts[0].name == "followed"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("way", "hitch_angle_deg"),
+    [
+        (Request(np.array([[-0.5, -0.3], [0.0, -0.1], [0.4, 0.2], [0.5, 0.45]])), 80.0),
+        (Request(np.array(RING_M), closed=True), 100.0),
+    ],
+    ids=["open", "closed"],
+)
+def test_what_is_told_of_a_trains_limits_is_what_driving_uses(
+    way: Request, hitch_angle_deg: float, tmp_path: Path
+) -> None:
+    """Kept at knots only, the wheels' acceleration on the open way bulged by a tenth."""
+    trailers = (
+        Trailer(mass_kg=0.4, com_offset_m=0.12, next_hitch_offset_m=0.2),
+        Trailer(com_offset_m=0.15),
+    )
+    hitches = (Hitch(damping_n_m_s_rad=2e-3, stiffness_n_m_rad=0.01), Hitch(damping_n_m_s_rad=1e-3))
+    fast = tt.load_scenario("outer_circle").robot.servo
+    robot = RobotParameters(trailers=trailers, hitches=hitches, servo=fast)
+    wish = {"workspace_m": (2.4, 1.8), "hitch_angle_rad": np.radians(hitch_angle_deg)}
+    limits = limits_of(robot, 0.9, **wish)
+    found = plan_through(way, robot, limits)
+    driven = shares_driven(found, robot, limits, tmp_path)
+    assert found.used == pytest.approx(driven, abs=5e-4)  # told in tenths of a percent
+    assert max(driven.values()) < 1.005  # of a spline that rounds the corners of a jerk

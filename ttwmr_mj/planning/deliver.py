@@ -87,7 +87,7 @@ def what_limits(found: Found, limits: Limits) -> list[str]:
     lines = []
     for group, share in sorted(found.used.items(), key=lambda item: -item[1]):
         of = "" if group == "workspace" else f" of {sizes[group]:.3g} {UNITS[group]}"
-        lines.append(f"{group:21s} {100 * min(share, 1.0):4.0f} %{of}{'  *' * (share >= NEAR)}")
+        lines.append(f"{group:21s} {100 * share:6.1f} %{of}{'  *' * (share >= NEAR)}")
     return lines
 
 

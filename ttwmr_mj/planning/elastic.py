@@ -34,10 +34,9 @@ class Elastic:
         self._problem = problem
         self._slack: dict[str, Any] = {}
         self._values: dict[str, list[tuple[Any, float]]] = {}
-        self._least: set[str] = set()
 
     def within(self, group: str, value: Any, limit: float) -> None:
-        """|value| ≤ limit, of a row of knots."""
+        """|value| ≤ limit, of a row of knots, or of steps between them."""
         slack = self._slack_of(group)
         self._problem.subject_to(value / limit <= 1.0 + slack)
         self._problem.subject_to(value / limit >= -1.0 - slack)
@@ -47,7 +46,6 @@ class Elastic:
         """Value ≥ limit, of a row of knots."""
         slack = self._slack_of(group)
         self._problem.subject_to(value / limit >= 1.0 - slack)
-        self._least.add(group)
         self._values[group].append((2.0 * limit - value, limit))  # which exceeds it as it falls
 
     @property
@@ -61,19 +59,10 @@ class Elastic:
         for group, slack in self._slack.items():
             share = float(value_of(slack))
             if share > GIVEN_WAY:
-                rows = self._values[group]
-                over = np.array([_of(value_of(value), limit) for value, limit in rows])
-                knot = int(over.max(axis=0).argmax())
+                rows = [_of(value_of(value), limit) for value, limit in self._values[group]]
+                knot = int(max(rows, key=np.max).argmax())
                 found.append(Exceeded(group, share, self._values[group][0][1], knot))
         return sorted(found, key=lambda one: -one.share)
-
-    def used(self, value_of: Callable[[Any], Any]) -> dict[str, float]:
-        """Group → the largest share of its limit that a solution uses; of upper limits."""
-        return {
-            group: max(float(_of(value_of(value), limit).max()) for value, limit in values)
-            for group, values in self._values.items()
-            if group not in self._least
-        }
 
     def _slack_of(self, group: str) -> Any:
         if group not in self._slack:

@@ -21,6 +21,7 @@ from scipy.interpolate import CubicSpline
 
 from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.planning.elastic import Elastic, Exceeded
+from ttwmr_mj.planning.knots import driven
 from ttwmr_mj.planning.limits import DURATIONS_S, HITCH_ANGLES_DEG
 from ttwmr_mj.planning.request import Request
 from ttwmr_mj.planning.solver import solved
@@ -34,11 +35,11 @@ from ttwmr_mj.planning.transcription import (
     Plan,
     X,
     Y,
-    hitch_angles,
     knot_to_knot,
-    reaches,
     state_count,
     trailer_rows,
+    upper_limits,
+    wheels_between,
     with_rows_between,
 )
 from ttwmr_mj.robot import RobotParameters
@@ -51,8 +52,11 @@ ENDS = 1.6  # the same of the first and last leg of a way from rest to rest
 JERK_SCALE = np.array([1.0, 5.0])  # m/s³, rad/s³, at PACE_M_S
 PACE_M_S = 0.1
 MOST_TIME, TIME_PRICE = 4.0, 30.0  # of the time at the mean pace; of as much again
-ROOM = 1.03  # of advice, a little more than has to be
-ROWS = 3  # in a step of a train's plan, whose hitches would else ask for torques between knots
+ROOM = 1.1  # of advice: nearer to a limit the same price buys less
+# of a plan in each step of its problem: a spline through knots alone exceeds what its wheels keep
+# by 2 %, and one through two rows asks a train's hitches for torques
+ROWS, ROWS_OF_A_TRAIN = 2, 3
+BETWEEN = 0.01  # of a limit, that a plan may exceed it by between knots, where it is told
 MOST_ITERATIONS, MOST_S = 400, 120.0
 # how a duration answers for a limit: speeds fall with it, accelerations with its square
 BY_TIME = {
@@ -77,9 +81,9 @@ class Found:
     """A plan that keeps its limits."""
 
     plan: Plan
-    knots_s: FloatArray  # (n,) of the problem that was solved; a train's plan has more rows
+    knots_s: FloatArray  # (n,) of the problem that was solved; the plan has more rows
     points_s: FloatArray  # (m,) when P is at each point
-    used: dict[str, float]  # group of limits → the largest share that is used
+    used: dict[str, float]  # group of limits → the largest share that driving it uses
 
 
 def plan_through(
@@ -194,33 +198,60 @@ def _solve(
         _rest(problem, states, jerks, robot)
     elastic = Elastic(problem)
     mean = float(request.legs_m.sum()) / guess.duration_s
-    _limit(elastic, states, robot, limits, LEAST_SPEED * mean, _moving(request, guess))
+    for group, value, most in (
+        *upper_limits(states, robot, limits),
+        *wheels_between(states, jerks, steps, robot, limits),
+    ):
+        elastic.within(group, value, most)
+    elastic.at_least("least speed", states[U1, _moving(request, guess)], LEAST_SPEED * mean)
     scale = JERK_SCALE * (mean / PACE_M_S) ** 3
     rough = 100.0 / n * ca.sumsqr(jerks / scale) * longer**6
     problem.minimize(rough + TIME_PRICE * (longer - 1.0) + elastic.cost)
     problem.set_initial(states, guess.state.T)
     problem.set_initial(legs_s, nominal)
     problem.set_initial(longer, 1.0)
+    solution = _searched(problem, progress, most_s)
+    value_of = solution.value
+    took = np.atleast_1d(np.asarray(value_of(legs_s), dtype=np.float64))
+    time_s = replace(guess, legs_s=took).time_s
+    knots = Plan(time_s, np.array(value_of(states)).T, int(solution.stats()["iter_count"]))
+    plan = with_rows_between(robot, knots, np.array(value_of(jerks)).T, _rows(robot))
+    uses = _uses(plan, time_s, robot, limits)
+    found = Found(plan, time_s, time_s[at], {one.group: 1.0 + one.share for one in uses})
+    over = [one for one in uses if one.share > BETWEEN]
+    return found, elastic.exceeded(value_of) or over
+
+
+def _searched(problem: Any, progress: Callable[[int], None] | None, most_s: float) -> Any:
+    """The solution."""
     if progress is not None:
         problem.callback(progress)
     quiet: dict[str, Any] = {"print_level": 0, "sb": "yes", "tol": 1e-7}
     quiet |= {"max_iter": MOST_ITERATIONS, "max_cpu_time": most_s}
     problem.solver("ipopt", {"print_time": False}, quiet)
     try:
-        solution = solved(problem)
+        return solved(problem)
     except RuntimeError as error:
         raise RunError(_none_found(problem.stats()["return_status"], most_s)) from error
-    value_of = solution.value
-    took = np.atleast_1d(np.asarray(value_of(legs_s), dtype=np.float64))
-    time_s = replace(guess, legs_s=took).time_s
-    knots = Plan(time_s, np.array(value_of(states)).T, int(solution.stats()["iter_count"]))
-    plan = with_rows_between(robot, knots, np.array(value_of(jerks)).T, _rows(robot))
-    return Found(plan, time_s, time_s[at], elastic.used(value_of)), elastic.exceeded(value_of)
+
+
+def _uses(
+    plan: Plan, knots_s: FloatArray, robot: RobotParameters, limits: Limits
+) -> list[Exceeded]:
+    """By how much driving the plan exceeds each limit, the most first; what is left is below 0."""
+    fine, uses = driven(plan, robot), dict[str, Exceeded]()
+    for group, value, most in upper_limits(ca.DM(fine.state.T), robot, limits):
+        shares = np.abs(np.array(value)).ravel() / most - 1.0
+        worst = int(shares.argmax())
+        knot = int(np.searchsorted(knots_s, fine.time_s[worst]))
+        if group not in uses or shares[worst] > uses[group].share:
+            uses[group] = Exceeded(group, float(shares[worst]), most, knot)
+    return sorted(uses.values(), key=lambda one: -one.share)
 
 
 def _rows(robot: RobotParameters) -> int:
     """Of the plan, from knot to knot."""
-    return ROWS if len(robot.trailers) > 1 else 1
+    return ROWS_OF_A_TRAIN if len(robot.trailers) > 1 else ROWS
 
 
 def _close(problem: Any, states: Any, jerks: Any, guess: _Guess, robot: RobotParameters) -> None:
@@ -248,32 +279,6 @@ def _moving(request: Request, guess: _Guess) -> slice:
         return slice(None)
     first, last = guess.knots[0], guess.knots[-1]
     return slice(first // 2, sum(guess.knots) + 1 - last // 2)
-
-
-def _limit(
-    elastic: Elastic,
-    states: Any,
-    robot: RobotParameters,
-    limits: Limits,
-    least_m_s: float,
-    moving: slice,
-) -> None:
-    half, radius = robot.half_track_m, robot.tractor.wheel_radius_m
-    for side in (1.0, -1.0):
-        speed = (states[U1, :] + side * half * states[U2, :]) / radius
-        change = (states[A1, :] + side * half * states[A2, :]) / radius
-        elastic.within("wheel speed", speed, limits.wheel_speed_rad_s)
-        elastic.within("wheel acceleration", change, limits.wheel_acceleration_rad_s2)
-    sideways = states[U1, :] * states[U2, :]
-    elastic.within("lateral acceleration", sideways, limits.lateral_acceleration_m_s2)
-    for _, rate in trailer_rows(robot):
-        elastic.within("trailer's turn rate", states[rate, :], limits.trailer_rate_rad_s)
-    for angle in hitch_angles(states, robot):
-        elastic.within("hitch angle", angle, limits.hitch_angle_rad)
-    elastic.at_least("least speed", states[U1, moving], least_m_s)
-    for x, y in reaches(states, robot, limits):
-        elastic.within("workspace", x, 0.5 * limits.workspace_m[0])
-        elastic.within("workspace", y, 0.5 * limits.workspace_m[1])
 
 
 def _none_found(status: str, most_s: float) -> str:

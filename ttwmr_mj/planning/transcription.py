@@ -10,7 +10,7 @@ swing as in `dynamics.train`, which for one is Eq. 24 with 27-28,
 Classical Runge-Kutta from knot to knot: with knots 50 ms apart, to 1e-6.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
@@ -154,6 +154,69 @@ def _hitch_torques(state: Any, robot: RobotParameters) -> list[Any]:
     return torques
 
 
+def upper_limits(
+    states: Any, robot: RobotParameters, limits: Limits
+) -> Iterator[tuple[str, Any, float]]:
+    """What has a largest size.
+
+    Args:
+        states: (states, n), symbolic or numbers of CasADi.
+        robot: that moves so.
+        limits: of the sizes.
+
+    Yields:
+        (group of limits, n values, their largest size).
+    """
+    for speed in _wheels(states[[U1, U2], :], robot):
+        yield "wheel speed", speed, limits.wheel_speed_rad_s
+    for change in _wheels(states[[A1, A2], :], robot):
+        yield "wheel acceleration", change, limits.wheel_acceleration_rad_s2
+    yield "lateral acceleration", states[U1, :] * states[U2, :], limits.lateral_acceleration_m_s2
+    for _, rate in trailer_rows(robot):
+        yield "trailer's turn rate", states[rate, :], limits.trailer_rate_rad_s
+    for angle in hitch_angles(states, robot):
+        yield "hitch angle", angle, limits.hitch_angle_rad
+    for x, y in reaches(states, robot, limits):
+        yield "workspace", x, 0.5 * limits.workspace_m[0]
+        yield "workspace", y, 0.5 * limits.workspace_m[1]
+
+
+def wheels_between(
+    states: Any, jerks: Any, steps_s: Any, robot: RobotParameters, limits: Limits
+) -> Iterator[tuple[str, Any, float]]:
+    """What keeps the wheels within their `upper_limits` from knot to knot, not only there.
+
+    Kept at knots alone, accelerations, which are quadratic in a step, bulge by up to a tenth of
+    their limit. A cubic stays among its Bézier points: its ends, and where its slopes there point.
+
+    Args:
+        states: (states, n) at knots, symbolic.
+        jerks: (2, n) there.
+        steps_s: (1, n − 1) from knot to knot.
+        robot: that moves so.
+        limits: of its wheels.
+
+    Yields:
+        (group of limits, n − 1 values, their largest size).
+    """
+    third = ca.repmat(steps_s, 2, 1) / 3.0
+    speed, change = states[[U1, U2], :], states[[A1, A2], :]
+    for group, twist, slope, most in (
+        ("wheel speed", speed, change, limits.wheel_speed_rad_s),
+        ("wheel acceleration", change, jerks, limits.wheel_acceleration_rad_s2),
+    ):
+        after = twist[:, :-1] + third * slope[:, :-1]
+        before = twist[:, 1:] - third * slope[:, 1:]
+        for value in (*_wheels(after, robot), *_wheels(before, robot)):
+            yield group, value, most
+
+
+def _wheels(twist: Any, robot: RobotParameters) -> list[Any]:
+    """Of u1 and u2, or their rates (2, n): those of both wheels."""
+    half, radius = robot.half_track_m, robot.tractor.wheel_radius_m
+    return [(twist[0, :] + side * half * twist[1, :]) / radius for side in (1.0, -1.0)]
+
+
 def knot_to_knot(robot: RobotParameters, rows: int = 1) -> Any:
     """CasADi function (state, jerk at the start, jerk at the end, time step) → next states.
 
@@ -205,7 +268,10 @@ def solve(
     cost: Callable[[Any, Any], Any],
     ends: Callable[[Any, Any, Any], None],
 ) -> Plan:
-    """Minimise a cost over all motions within the limits.
+    """Minimise a cost over all motions within the limits, which are kept at the knots.
+
+    Between knots 50 ms apart the shipped plans exceed them by up to 2.4 %; with `wheels_between`
+    the search would end at other motions than those that are shipped.
 
     Args:
         robot: geometry and hitch.
@@ -225,7 +291,9 @@ def solve(
     steps = ca.repmat(step_s, 1, n - 1)
     after, _ = step(states[:, :-1], jerks[:, :-1], jerks[:, 1:], steps)
     problem.subject_to(states[:, 1:] == after)
-    _bound(problem, states, robot, limits)
+    for _, value, most in upper_limits(states, robot, limits):
+        problem.subject_to(problem.bounded(-most, value, most))
+    problem.subject_to(problem.bounded(limits.speed_m_s[0], states[U1, :], limits.speed_m_s[1]))
     ends(problem, states, jerks)
     problem.minimize(cost(states, jerks))
     problem.set_initial(states, guess.T)
@@ -236,25 +304,3 @@ def solve(
     except RuntimeError as error:
         raise RunError(f"the plan was not found: {problem.stats()['return_status']}") from error
     return Plan(time_s, np.array(solution.value(states)).T, int(solution.stats()["iter_count"]))
-
-
-def _bound(problem: Any, states: Any, robot: RobotParameters, limits: Limits) -> None:
-    half, radius = robot.half_track_m, robot.tractor.wheel_radius_m
-    for side in (1.0, -1.0):
-        speed = (states[U1, :] + side * half * states[U2, :]) / radius
-        change = (states[A1, :] + side * half * states[A2, :]) / radius
-        _within(problem, speed, limits.wheel_speed_rad_s)
-        _within(problem, change, limits.wheel_acceleration_rad_s2)
-    _within(problem, states[U1, :] * states[U2, :], limits.lateral_acceleration_m_s2)
-    for _, rate in trailer_rows(robot):
-        _within(problem, states[rate, :], limits.trailer_rate_rad_s)
-    for angle in hitch_angles(states, robot):
-        _within(problem, angle, limits.hitch_angle_rad)
-    problem.subject_to(problem.bounded(limits.speed_m_s[0], states[U1, :], limits.speed_m_s[1]))
-    for x, y in reaches(states, robot, limits):
-        _within(problem, x, 0.5 * limits.workspace_m[0])
-        _within(problem, y, 0.5 * limits.workspace_m[1])
-
-
-def _within(problem: Any, value: Any, bound: float) -> None:
-    problem.subject_to(problem.bounded(-bound, value, bound))
