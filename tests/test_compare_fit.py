@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import itertools
+import tomllib
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from comparisons import TURN, open_loop
 
-from ttwmr_mj.studies.compare.fit.fit import fit, freedom, standard_deviation
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.studies.compare.fit.fit import Fit, fit, freedom, standard_deviation
 from ttwmr_mj.studies.compare.fit.shooting import SCALES
 from ttwmr_mj.studies.compare.motion import run_contact
+from ttwmr_mj.studies.compare.pair import run_pair
 from ttwmr_mj.studies.compare.variants import changed
 
 
@@ -72,6 +75,7 @@ def test_the_fit_imagines_no_friction_that_is_not_there() -> None:
     scenario = open_loop(*TURN, hitch={"damping_n_m_s_rad": 1e-3})
     run = run_contact(scenario)
     found = fit(run, run)
+    assert found.training.fitted.items() <= compared(scenario, found).items()
     for name in ("hitch_coulomb_friction_n_m", "rolling_resistance_m"):
         nothing = found.parameters[name]
         assert (nothing.value, nothing.confidence_95[0], nothing.pinned) == (0.0, 0.0, True)
@@ -87,6 +91,30 @@ def test_the_fit_imagines_no_friction_that_is_not_there() -> None:
         low, high = found.parameters[name].confidence_95
         assert low <= truth <= high, name
         assert not found.parameters[name].pinned
+
+
+def compared(scenario: Scenario, found: Fit) -> dict[str, float | None]:
+    """What a comparison finds of the scenario with the fragment that the fit leaves."""
+    tables = tomllib.loads(found.as_toml())
+    extended = tables["plant"]["analytic"]["extended"]
+    return run_pair(changed(scenario, {"plant.analytic.extended": extended})).numbers
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trailers", [1, 2])
+def test_what_a_fit_tells_of_dry_friction_is_what_a_comparison_finds(trailers: int) -> None:
+    rubbing = {"damping_n_m_s_rad": 1e-3, "coulomb_friction_n_m": 5e-5}
+    towing = [{"next_hitch_offset_m": 0.23}] * (trailers - 1)
+    robot = {"trailers": [*towing, {}], "hitches": [rubbing] * trailers}
+    scenario = open_loop(*TURN, robot=robot)
+    unseen = open_loop((1.0, 4.0, 5.0), (1.5, 5.5, 4.0), robot=robot)
+    found = fit(run_contact(scenario), run_contact(unseen))
+    for driven, gain in ((scenario, found.training), (unseen, found.validation)):
+        assert gain.plain.items() <= run_pair(driven).numbers.items()
+        assert gain.fitted.items() <= compared(driven, found).items()
+    for i in range(trailers):
+        assert found.training.factor[f"theta{2 + i}_deviation_rms_rad"] > 20.0
+        assert found.validation.factor[f"theta{2 + i}_deviation_rms_rad"] > 2.0
 
 
 def test_few_independent_samples_make_wide_intervals() -> None:

@@ -16,6 +16,7 @@ from ttwmr_mj.plants.extended import ExtendedPlant
 from ttwmr_mj.robot import Hitch, RobotParameters
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import FloatArray, RobotState
+from ttwmr_mj.studies.compare.variants import changed
 
 ROBOT = RobotParameters(hitch=Hitch(stiffness_n_m_rad=0.3, damping_n_m_s_rad=0.02))
 RNG = np.random.default_rng(7)
@@ -175,15 +176,53 @@ def test_the_swing_rate_and_its_kick_are_one_motion() -> None:
     np.testing.assert_allclose(got[4], moving[4] + turned, rtol=1e-9)
 
 
-@pytest.mark.parametrize("friction", [0.0, 1e-4])
-def test_dry_friction_slows_the_hitch_and_nothing_else(friction: float) -> None:
-    values = ExtendedParameters.expected(ROBOT).model_dump()
-    model = ExtendedModel(ROBOT, {**values, "hitch_coulomb_friction_n_m": friction}, 0.0)
-    assert model.dry == (friction > 0.0)
-    turn, time_s = np.array([0.5, 0.5, 0.5]), np.full(3, 0.03)
-    less = friction * 0.03 / float(model.swing_inertia_kg_m2)
-    got = model.rub(np.array([1.0, 0.0, 0.5]), turn, time_s)
-    np.testing.assert_allclose(got, [1.0 - less, less, 0.5], rtol=1e-12)
+RUBBING = "{damping_n_m_s_rad=1e-3, coulomb_friction_n_m=5e-5}"
+
+
+def turned(name: str, step_s: float, *, extended: bool, duration_s: float = 8.0) -> FloatArray:
+    """(n, trailers) angles under wheels that turn, of hitches that turn round, stop and stick."""
+    hitches = f"hitch={RUBBING}" if name == "open_loop_turn" else f"hitches=[{RUBBING}, {RUBBING}]"
+    table = (
+        "plant.analytic.extended={wheel_radius_m=0.026, track_width_m=0.119, physics_step_s=0.0, "
+        "hitch_damping_n_m_s_rad=1e-3, hitch_coulomb_friction_n_m=5e-5}"
+    )
+    changes = [f"duration_s={duration_s}", f"robot.{hitches}", "plant.kind=analytic"]
+    changes += [f"plant.analytic.max_step_s={step_s}", *[table] * extended]
+    return simulate(load_scenario(name, changes)).trajectory.q[:, 0, 3:]
+
+
+@pytest.mark.parametrize(
+    ("name", "off_rad"),
+    [("open_loop_turn", 1e-6), pytest.param("two_trailers_turn", 1e-4, marks=pytest.mark.slow)],
+)
+def test_dry_friction_is_in_long_steps_what_the_other_model_has_in_short_ones(
+    name: str, off_rad: float
+) -> None:
+    exact = turned(name, 0.001, extended=False)
+    assert np.abs(exact).max() > 0.1
+    assert np.abs(turned(name, 0.033, extended=True) - exact).max() < off_rad
+
+
+def test_next_to_no_dry_friction_does_next_to_nothing() -> None:
+    """A fit starts there: where hitches turn round, and where one starts from rest."""
+    scenario = load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=3.0"])
+    none, little = (
+        simulate(
+            changed(
+                scenario,
+                {
+                    "plant.analytic.extended": ExtendedParameters(
+                        wheel_radius_m=0.026,
+                        track_width_m=0.119,
+                        hitch_coulomb_friction_n_m=friction_n_m,
+                    ).model_dump()
+                },
+            )
+        ).trajectory.q
+        for friction_n_m in (0.0, 1e-12)
+    )
+    # 1e-12 N·m on 7.3e-3 kg·m² turn it by 6e-10 rad in 3 s, and steps cut in two are other steps
+    np.testing.assert_allclose(little, none, atol=5e-9)
 
 
 @pytest.mark.parametrize(("stiffness", "damping"), [(300.0, 0.0), (0.5, 2.0), (0.0, 2.0)])

@@ -7,6 +7,7 @@ from types import FunctionType, MethodType
 from typing import Any, ClassVar, Self, TypeVar, cast
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict
 
 T = TypeVar("T")
@@ -129,6 +130,14 @@ def each(function: Callable[..., T], *values: Any) -> T:
 def rows_of(config: T, nsim: int) -> tuple[T, ...]:
     """The configuration of each simulation."""
     return cast("tuple[T, ...]", config.rows) if isinstance(config, Stack) else (config,) * nsim
+
+
+def picked(value: T, which: NDArray[np.bool_]) -> T:
+    """Numbers or a stack, of some of the simulations (nsim,); what all share stays as it is."""
+    if isinstance(value, Stack):
+        rows = [row for row, kept in zip(value.rows, which, strict=True) if kept]
+        return cast("T", Stack(rows, columns=value._columns))
+    return cast("T", value[which]) if isinstance(value, np.ndarray) else value
 
 
 def columns(config: T) -> T:

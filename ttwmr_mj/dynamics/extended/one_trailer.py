@@ -23,13 +23,13 @@ robot and ground too (`config.stacked`).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import numpy as np
 
-from ttwmr_mj.config import column, each
+from ttwmr_mj.config import column, each, picked
+from ttwmr_mj.dynamics.extended.dry import dry_step
 from ttwmr_mj.dynamics.extended.parameters import ExtendedParameters, driven_inertia
 from ttwmr_mj.dynamics.floor.balls import (
     FADING_M_S,
@@ -40,16 +40,14 @@ from ttwmr_mj.dynamics.floor.balls import (
     slowing,
 )
 from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground, Pull
-from ttwmr_mj.dynamics.hitch import rub
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.integrate import runge_kutta
 from ttwmr_mj.dynamics.kinematics import Value, rolling, rolling_wheels, to_world
 from ttwmr_mj.dynamics.kinetics import first_moments, total_mass
 from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, FloatArray
+from ttwmr_mj.state import BoolArray, FloatArray
 
-Glide = Callable[[FloatArray], FloatArray]  # the state after a stretch without dry friction
 ROLLING_SHARE = 0.4  # inertia of a solid sphere per m·ρ²
 
 
@@ -130,44 +128,32 @@ class ExtendedModel:
     def step(self, state: FloatArray, stretch: Stretches) -> FloatArray:
         """The state after one Runge-Kutta step over a stretch of each simulation.
 
-        Dry friction acts as an impulse before and after it, and a hitch that it stops is held:
-        second order in the step.
+        Of several, where dry friction stops or holds a hitch.
         """
+        if self.dry:
+            return dry_step(self, state, stretch)
         duration_s, start, rate, lead_s = stretch
         change = duration_s[:, None] * rate
 
         def slope(share: float, now: FloatArray) -> FloatArray:
             return self.rate(now, start + share * change, rate, lead_s)
 
-        def glide(now: FloatArray) -> FloatArray:
-            return runge_kutta(slope, now, duration_s)
+        return runge_kutta(slope, state, duration_s)
 
-        if not self.dry:
-            return glide(state)
-        after = self._slowed(state, stretch, glide)
-        # friction in a stretch of no duration, which others of the batch have, would be rounded
-        return np.where(duration_s > 0.0, after, state)
+    def rows(self, which: BoolArray) -> Self:
+        """The equations of some of the simulations (nsim,)."""
+        return replace(
+            self,
+            robot=picked(self.robot, which),
+            values={name: picked(value, which) for name, value in self.values.items()},
+            ground=picked(self.ground, which),
+            fading_m_s=picked(self.fading_m_s, which),
+        )
 
-    def _slowed(self, before: FloatArray, stretch: Stretches, glide: Glide) -> FloatArray:
-        """The state (5, nsim) after a step with dry friction, `glide` being one without."""
-        duration_s, start, rate, _ = stretch
-        state = before.copy()
-        turn = self.twist(start)[1]
-        state[-1] = self.rub(state[-1], turn, 0.5 * duration_s)
-        held = state[-1] == turn
-        state = glide(state)
-        turn = self.twist(start + duration_s[:, None] * rate)[1]
-        # a hitch that was held needed none of its friction before the step
-        state[-1] = self.rub(state[-1], turn, np.where(held, 1.0, 0.5) * duration_s)
-        held &= state[-1] == turn
-        rigid = state[THETA1] + before[THETA2] - before[THETA1]
-        state[THETA2] = np.where(held, rigid, state[THETA2])
-        return state
-
-    def rub(self, swing_rate: FloatArray, turn: FloatArray, time_s: FloatArray) -> FloatArray:
-        """(nsim,) the swing rate after the dry friction of a while; at most the turn rate θ̇1."""
-        friction = self.values["hitch_coulomb_friction_n_m"] / self.swing_inertia_kg_m2
-        return turn + rub(swing_rate - turn, friction * time_s)
+    def yielding(self, state: FloatArray) -> FloatArray:
+        """(nsim or 1, n, n) each hitch's acceleration [rad/s²] per torque [N·m] in each."""
+        del state  # one trailer's inertia is the same however it is turned
+        return np.reshape(1.0 / self.swing_inertia_kg_m2, (-1, 1, 1))
 
     @property
     def dry(self) -> bool:

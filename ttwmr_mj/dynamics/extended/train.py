@@ -18,11 +18,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, Glide, Motion
+from ttwmr_mj.dynamics.extended.one_trailer import ExtendedModel, Motion
 from ttwmr_mj.dynamics.floor.balls import Forces, held_back, slowing, train_drag
 from ttwmr_mj.dynamics.hybrid import sideways
 from ttwmr_mj.dynamics.kinematics import Value, to_world
-from ttwmr_mj.dynamics.servo import Stretches
 from ttwmr_mj.dynamics.train import (
     Constants,
     accelerations_of,
@@ -33,12 +32,7 @@ from ttwmr_mj.dynamics.train import (
     solve,
 )
 from ttwmr_mj.robot import RobotParameters
-from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray
-
-# Projected Gauss-Seidel on what dry friction stops: the error falls to a half in a sweep for two
-# hitches of Table I's trailer, to nine tenths for five. It ends before where nothing changes any
-# more, to the last bit, so that who else is in the batch does not matter.
-SWEEPS = 60
+from ttwmr_mj.state import THETA1, THETA2, FloatArray
 
 
 class _Chain(NamedTuple):
@@ -83,78 +77,12 @@ class ExtendedTrain(ExtendedModel):
         velocity = to_world(theta1, u1, -self.values["slip_time_s"] * u1 * u2)
         return np.concatenate([np.stack([*velocity, u2]), rates.T, turning.T])
 
-    def _slowed(self, before: FloatArray, stretch: Stretches, glide: Glide) -> FloatArray:
-        """The state (3 + 2n, nsim) after a step with dry friction, `glide` being one without.
-
-        Where a hitch is held its error is of first order in the step.
-        """
-        duration_s, start, rate, _ = stretch
-        turned = start + duration_s[:, None] * rate
-        time_s = np.repeat(duration_s[:, None], len(self.robot.trailers), axis=1)
-        state, first, held = self._rubbed(before, start, 0.5 * time_s)
-        first[~held] = 0.0
-        state = glide(state)
-        # what holds a hitch acts all the time, so that it moves the others half as far as at once
-        state, whole, _ = self._rubbed(state, turned, np.where(held, time_s, 0.0), first)
-        last = THETA2 + time_s.shape[1]
-        state[THETA2:last] += 0.5 * (time_s * self._struck(state, whole)).T
-        rest = np.where(held, 1.0, 0.5) * time_s
-        state, _, still = self._rubbed(state, turned, rest, first + whole)
-        hitches = np.diff(state[THETA1:last], axis=0)
-        hitches = np.where((held & still).T, np.diff(before[THETA1:last], axis=0), hitches)
-        state[THETA2:last] = state[THETA1] + np.add.accumulate(hitches)
-        return state
-
-    def _rubbed(
-        self,
-        state: FloatArray,
-        wheels: FloatArray,
-        time_s: FloatArray,
-        before: FloatArray | float = 0.0,
-    ) -> tuple[FloatArray, FloatArray, BoolArray]:
-        """The state after dry friction acted on the hitches for times (nsim, n).
-
-        Args:
-            state: (3 + 2n, nsim).
-            wheels: (nsim, 2) setpoints.
-            time_s: for each hitch.
-            before: (nsim, n) impulses [N·m·s] of friction that count among those of the time.
-
-        Returns:
-            The state, the impulses (nsim, n), and which hitches they hold.
-        """
-        state, (theta, rates) = state.copy(), self._trailers(state)
-        turn = self.twist(wheels)[1][:, None]
-        friction = np.reshape(self.values["hitch_coulomb_friction_n_m"], (-1, 1))
-        limit = np.asarray(friction * time_s)
-        low, high = -limit - before, limit - before
-        n = theta.shape[1]
-        between = np.eye(n) - np.eye(n, k=-1)  # of rates: the hitches' own
-        yielding = np.asarray(between @ self._inverse(state) @ between.T)
-        sliding = np.diff(rates, axis=1, prepend=turn)
-        impulse = np.zeros_like(sliding)
-        for _ in range(SWEEPS):
-            last = impulse.copy()
-            for i in range(n):
-                left = sliding[:, i] + _along(yielding[:, i] * impulse)
-                better = impulse[:, i] - left / yielding[:, i, i]
-                impulse[:, i] = np.minimum(np.maximum(better, low[:, i]), high[:, i])
-            if np.array_equal(last, impulse):
-                break
-        held = (low < impulse) & (impulse < high)
-        sliding = sliding + _along(yielding * impulse[:, None, :])
-        slower = turn + np.add.accumulate(np.where(held, 0.0, sliding), axis=1)
-        state[THETA2 + n :] = np.where(limit.any(axis=1, keepdims=True), slower, rates).T
-        return state, impulse, held
-
-    def _struck(self, state: FloatArray, impulse: FloatArray) -> FloatArray:
-        """(nsim, n) by what rates change with impulses (nsim, n) of the hitches."""
-        return _along(self._inverse(state) * on_trailers(impulse)[:, None, :])
-
-    def _inverse(self, state: FloatArray) -> FloatArray:
-        """(nsim, n, n) of the trailers' inertias."""
+    def yielding(self, state: FloatArray) -> FloatArray:
+        """See the base class."""
         angle = self._trailers(state)[0] - state[THETA1][:, None]
-        return np.asarray(np.linalg.inv(self._matrix(angle, self._carried)))
+        inverse = np.linalg.inv(self._matrix(angle, self._carried))
+        between = np.eye(self._count) - np.eye(self._count, k=-1)  # of rates: the hitches' own
+        return np.asarray(between @ inverse @ between.T)
 
     def _trailers(self, state: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Angles and swing rates, (nsim, n) each."""

@@ -14,7 +14,7 @@ MuJoCo, and here the model is not MuJoCo's. `shooting` gives the run and its der
 """
 
 import functools
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -29,8 +29,8 @@ from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.fit.shooting import SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.measures.deviation import Deviation
-from ttwmr_mj.studies.compare.motion import ContactRun, replay_plain
-from ttwmr_mj.studies.compare.variants import Progress
+from ttwmr_mj.studies.compare.motion import ContactRun, replay_analytic, replay_plain
+from ttwmr_mj.studies.compare.variants import Progress, changed
 
 LENGTHS = ("wheel_radius_m", "track_width_m")  # far from zero; all else may vanish
 FLOOR = np.array([-np.inf if name in LENGTHS else 0.0 for name in SCALES])
@@ -74,15 +74,9 @@ class Fit:
     """A fit and its validation."""
 
     parameters: dict[str, Fitted]
-    physics_step_s: float  # of the contact physics it was fitted on
+    fitted: ExtendedParameters  # their values, with the step of the contact physics they are of
     training: Gain  # on the scenario it was fitted on
     validation: Gain  # on one it did not see
-
-    @property
-    def fitted(self) -> ExtendedParameters:
-        """The fitted model's parameters."""
-        values = {name: e.value for name, e in self.parameters.items()}
-        return ExtendedParameters(**values, physics_step_s=self.physics_step_s)
 
     def as_json(self) -> dict[str, Any]:
         """Plain data."""
@@ -125,7 +119,10 @@ def fit(run: ContactRun, unseen: ContactRun, progress: Progress | None = None) -
         for i, name in enumerate(SCALES)
     }
     step_s = run.scenario.plant.contact.timestep_s
-    return Fit(parameters, step_s, _gain(run, value), _gain(unseen, value))
+    fitted = ExtendedParameters(
+        **dict(zip(SCALES, value.tolist(), strict=True)), physics_step_s=step_s
+    )
+    return Fit(parameters, fitted, _gain(run, fitted), _gain(unseen, fitted))
 
 
 class _Search:
@@ -253,13 +250,13 @@ def freedom(residual: FloatArray, parameters: int, width: int) -> float:
     return max(independent - parameters, 1.0)
 
 
-def _gain(run: ContactRun, value: FloatArray) -> Gain:
-    """What parameters (p,) in the order of `SCALES` improve."""
+def _gain(run: ContactRun, fitted: ExtendedParameters) -> Gain:
+    """What the extended model improves, as a comparison with its fragment finds it."""
 
     def deviations(rows: Trajectory) -> dict[str, float]:
         numbers = Deviation.between(run.trajectory, rows).numbers()
         return {name: size for name in MEASURES if (size := numbers.get(name)) is not None}
 
-    plain = replay_plain(run.scenario, run.commands)
-    fitted = replace(run.trajectory, q=Shooting(run).run(value)[0][:, None])
-    return Gain(run.scenario.name, deviations(plain), deviations(fitted))
+    extended = changed(run.scenario, {"plant.analytic.extended": fitted.model_dump()})
+    plain = deviations(replay_plain(run.scenario, run.commands))
+    return Gain(run.scenario.name, plain, deviations(replay_analytic(extended, run.commands)))

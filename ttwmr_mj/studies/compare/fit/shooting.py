@@ -24,7 +24,6 @@ SCALES = {
 }
 SCALE = np.array(list(SCALES.values()))
 DIFFERENCE = 0.1  # of a scale: well above rounding, well below what bends the model
-MAX_STEP_S = 0.033  # Runge-Kutta's; the swing takes seconds
 
 
 class Shooting:
@@ -36,6 +35,7 @@ class Shooting:
     def __init__(self, run: ContactRun) -> None:
         self._run, self._robot = run, run.robot
         self._physics_step_s = run.scenario.plant.contact.timestep_s
+        self._longest_s = run.scenario.plant.analytic.max_step_s
         trailers = len(run.robot.trailers)
         self._width, self._states = 3 + trailers, 3 + 2 * trailers
         self._guess: FloatArray | None = None  # (stretches + 1, states)
@@ -77,7 +77,8 @@ class Shooting:
             now = now + np.clip(wish - now, -reach, reach)
         # every period is a simulation of its own
         each = np.repeat(goal, len(columns), axis=0)
-        parts = cut(starts.reshape(-1, 2), each, servo, period_s, MAX_STEP_S, self._physics_step_s)
+        steps = self._longest_s, self._physics_step_s
+        parts = cut(starts.reshape(-1, 2), each, servo, period_s, *steps)
         split = (
             part.reshape(len(part), *starts.shape[:2], *part.shape[2:]).swapaxes(0, 1)
             for part in parts
@@ -97,7 +98,8 @@ class Shooting:
         return np.stack([np.interp(time_s, physics.time_s, column) for column in columns], axis=-1)
 
     def _model(self, values: FloatArray) -> ExtendedModel:
-        """The model with parameters (nsim, p)."""
+        """The model with parameters (nsim, p), as the plant integrates it."""
         parameters = dict(zip(SCALES, values.T, strict=True))
-        ground = self._run.scenario.ground
-        return extended_model(self._robot)(self._robot, parameters, self._physics_step_s, ground)
+        rest = self._physics_step_s, self._run.scenario.ground
+        kind = extended_model(self._robot)
+        return kind(self._robot, parameters, *rest).softened(self._longest_s)
