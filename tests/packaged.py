@@ -151,21 +151,23 @@ output = {recording = false, figures = false}
 def install(folder: Path) -> None:
     """The distribution, and a scenario packaged.toml."""
     (folder / "laws_of_others.py").write_text(LAWS)
-    info = folder / "laws_of_others-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: laws-of-others\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(POINTS)
+    distribute(folder, "laws_of_others", POINTS)
     (folder / "packaged.toml").write_text(SCENARIO)
 
 
-def python(folder: Path, *words: str) -> str:
-    """What a process with the distribution prints, errors last.
+def distribute(folder: Path, name: str, points: str) -> None:
+    """What pip leaves beside the code of a distribution with these entry points."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir(exist_ok=True)
+    metadata = f"Metadata-Version: 2.1\nName: {name.replace('_', '-')}\nVersion: 1.0\n"
+    (info / "METADATA").write_text(metadata)
+    (info / "entry_points.txt").write_text(points)
 
-    Raises:
-        AssertionError: it failed.
-    """
+
+def start(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
+    """Run Python with these words in a folder that is on its path, and wait for its end."""
     path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
-    done = subprocess.run(
+    return subprocess.run(
         [sys.executable, *words],
         cwd=folder,
         env={**os.environ, "PYTHONPATH": path},
@@ -174,5 +176,14 @@ def python(folder: Path, *words: str) -> str:
         timeout=120,
         check=False,
     )
+
+
+def python(folder: Path, *words: str) -> str:
+    """What a process with the distribution prints, errors last.
+
+    Raises:
+        AssertionError: it failed.
+    """
+    done = start(folder, *words)
     assert done.returncode == 0, done.stderr
     return done.stdout + done.stderr

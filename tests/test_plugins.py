@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 import pytest
+from packaged import distribute, start
 
 from ttwmr_mj import registry
 from ttwmr_mj.errors import Fault, InputError
@@ -73,24 +72,12 @@ def install(folder: Path, point: str = "still = plugin:Options", **code: str) ->
     """What pip leaves of a distribution whose module has this code at these places."""
     parts = dict.fromkeys(("at_import", "at_start", "at_making", "options"), "pass") | code
     (folder / "plugin.py").write_text(PLUGIN.format(**parts))
-    info = folder / "plugin-1.0.dist-info"
-    info.mkdir(exist_ok=True)
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: some-plugin\nVersion: 1.0\n")
-    (info / "entry_points.txt").write_text(f"[ttwmr_mj.controllers]\n{point}\n")
+    distribute(folder, "some_plugin", f"[ttwmr_mj.controllers]\n{point}\n")
     (folder / "plugged.toml").write_text(SCENARIO)
 
 
 def ttwmr(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    path = os.pathsep.join([str(folder), os.environ.get("PYTHONPATH", "")])
-    return subprocess.run(
-        [sys.executable, "-m", "ttwmr_mj", *words],
-        cwd=folder,
-        env={**os.environ, "PYTHONPATH": path},
-        capture_output=True,
-        text=True,
-        timeout=60,
-        check=False,
-    )
+    return start(folder, "-m", "ttwmr_mj", *words)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import shutil
 import subprocess
@@ -15,6 +14,7 @@ from importlib.util import spec_from_file_location
 from pathlib import Path
 
 import pytest
+from packaged import start
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario
@@ -189,16 +189,7 @@ def test_an_edited_law_of_an_editable_package_is_made_again(tmp_path: Path) -> N
     (tmp_path / "b.toml").write_text(f"{suite}controller.gamma.overrides = []\n")
 
     def ttwmr(command: str) -> subprocess.CompletedProcess[str]:
-        path = os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])
-        return subprocess.run(
-            [sys.executable, "-m", "ttwmr_mj", command, f"{command[0]}.toml", "--out", command],
-            cwd=tmp_path,
-            env={**os.environ, "PYTHONPATH": path},
-            capture_output=True,
-            text=True,
-            timeout=120,
-            check=False,
-        )
+        return start(tmp_path, "-m", "ttwmr_mj", command, f"{command[0]}.toml", "--out", command)
 
     for command in ("sweep", "bench"):
         done = ttwmr(command)

@@ -218,7 +218,7 @@ class Loop:
         limited = []
         if loop != "torque":  # there no part of ours acts on the speeds, which are but logged
             limited.append((command.wheel_speed_rad_s, servo.speed_limit_rad_s))
-        if command.wheel_torque_n_m is not None and loop != "velocity_servo":
+        if command.wheel_torque_n_m is not None:  # then they drive
             limited.append((command.wheel_torque_n_m, servo.largest_torque_n_m))
         reached = [np.abs(asked) >= AT_LIMIT * column(limit) for asked, limit in limited]
         return np.asarray(np.any(reached, axis=(0, 2)))
