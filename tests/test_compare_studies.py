@@ -16,7 +16,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray, RobotState
 from ttwmr_mj.studies.compare.explain.attribution import attribute
 from ttwmr_mj.studies.compare.explain.convergence import LEVELS, converge, refined
-from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, MAX_STEP_S, SCALE, SCALES, Shooting
+from ttwmr_mj.studies.compare.fit.shooting import DIFFERENCE, SCALE, SCALES, Shooting
 from ttwmr_mj.studies.compare.measures.deviation import Deviation, rms
 from ttwmr_mj.studies.compare.motion import replay, replay_analytic, replay_contact, run_contact
 
@@ -28,7 +28,8 @@ def replay_extended(scenario: Scenario, commands: FloatArray, values: dict[str, 
     count = max(int(np.size(value)) for value in values.values())
     model = ExtendedModel(scenario.robot, values, values.get("physics_step_s", 0.0005))
     period = scenario.control.sampling_time_s
-    return replay(scenario, commands, ExtendedPlant(model, count, period, MAX_STEP_S))
+    longest_s = scenario.plant.analytic.max_step_s
+    return replay(scenario, commands, ExtendedPlant(model, count, period, longest_s))
 
 
 def test_studies_tell_how_far_they_are() -> None:
