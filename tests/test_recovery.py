@@ -22,8 +22,10 @@ from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters, Servo
+from ttwmr_mj.runs.batch import run_batch
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import RobotState, wrap
 
 PERIOD = 0.033
@@ -79,6 +81,22 @@ def test_each_simulation_is_led_by_itself(law: str) -> None:
 
 
 @pytest.mark.slow
+def test_who_is_led_twice_is_not_touched_by_who_is_led_in_between() -> None:
+    data = {
+        "name": "twice",
+        "duration_s": 4.0,
+        "reference": {"kind": "flat_circle", "radius_m": 0.6, "angular_rate_rad_s": 0.5},
+        "controller": {"kind": "tvlqr"},  # on the laboratory's slow servos: lost, and led all along
+        "plant": {"kind": "analytic"},
+    }
+    starts = [{"kind": "on_reference", "y_offset_m": y} for y in (0.0, 0.018)]
+    rows = [Scenario.model_validate({**data, "initial": start}) for start in starts]
+    together = [r.trajectory.q for r in run_batch(rows)]
+    for row, beside in zip(rows, together, strict=True):
+        assert np.array_equal(Experiment(row).run().trajectory.q, beside)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("law", ONE)
 def test_a_mirrored_run_is_led_in_the_mirror(law: str) -> None:
     left = kicked(law, [1.4], "duration_s=1.5").trajectory
@@ -94,8 +112,40 @@ def test_it_hands_over_above_one_level_and_takes_back_below_another(
     between = 0.5 * (LEAVE + TAKE_BACK)
     costs = [[between, LEAVE + 1], [LEAVE - 1, between], [0.0, TAKE_BACK - 1], [0.0, between]]
     monkeypatch.setattr(RecedingHorizon, "cost_to_go", lambda _, k, __: np.array(costs[k]))
-    led = [recovery.led(k, None).tolist() for k in range(4)]  # type: ignore[arg-type]
-    assert led == [[False, True], [False, True], [False, False], [False, False]]
+    led_back: list[list[bool]] = []
+
+    def noted(_: RecedingHorizon, *given: Any) -> np.ndarray:
+        led_back.append(given[-1].tolist())
+        return np.empty((given[-1].sum(), 2))
+
+    monkeypatch.setattr(RecedingHorizon, "command", noted)
+    told = [recovery.command(k, None, np.empty(0))[0].tolist() for k in range(4)]  # type: ignore[arg-type]
+    assert told == led_back  # told at each sample, also that there is nobody
+    assert told == [[False, True], [False, True], [False, False], [False, False]]
+
+
+def test_who_was_left_out_begins_with_the_reference_whoever_is_beside() -> None:
+    circle = FlatCircle(radius_m=0.6, angular_rate_rad_s=1.0, side="inside")
+    problem = TrackingProblem(ROBOT, SampledModel(ROBOT, PERIOD), TrackingWeights())
+    path, planned = circle.sample(PERIOD * np.arange(100), ROBOT), np.zeros((1, 4))
+
+    def last(asked: list[list[int]]) -> np.ndarray:
+        """The first robot's command at sample 5; asked for which robots at the samples before."""
+        horizon = RecedingHorizon(problem, 10)
+        horizon.plan(path, planned, np.ones(4))
+        for k, who in enumerate([*asked, [0]], 6 - len(asked) - 1):
+            body = problem.target(path).state[k] + np.outer([0.3, 0.6], np.eye(7)[3])
+            nothing = np.zeros((2, 3)), np.zeros(2), np.zeros((2, INFLUENCES))
+            now = Observed(body[:, :5], body[:, 5:], *nothing)
+            commands = horizon.command(k, now, np.zeros((2, 4)), np.isin([0, 1], who))
+            assert commands.shape == (len(who), 2)
+        return commands[0]
+
+    afresh = last([])
+    assert np.array_equal(last([[0], [], [], [], []]), afresh)
+    assert np.array_equal(last([[0], [], [1], [], []]), afresh)
+    assert np.array_equal(last([[0, 1], [1], [1], [1], [1]]), afresh)
+    assert not np.array_equal(last([[0], [0], [0], [0], [0]]), afresh)
 
 
 def test_plans_go_on_where_the_trailer_turns_over(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -197,11 +197,11 @@ class Flatness(PlanningLaw["FlatnessOptions"]):
         if self._recovery is None:
             return command, none
         k = self._since_plan(k, now)
-        led = self._recovery.led(k, now)
+        led, led_wheels = self._recovery.command(k, now, self._disturbance(now))
         if not led.any():
             return command, led
         wheels = command.wheel_speed_rad_s.copy()
-        wheels[led] = self._recovery.command(k, now, self._disturbance(now))
+        wheels[led] = led_wheels
         self._wheels.follow(led, wheels)
         self._ways.leave(led)
         cut = np.where(led, self._at_limit(wheels, now), command.saturated)

@@ -85,8 +85,9 @@ class Tvlqr(PlanningLaw["TvlqrOptions"]):
         beside[:, SLIP] += rubbing
         miss = np.concatenate([miss, beside[:, : self._free.lasting]], axis=1)
         wish = self._command[k] + apply(self._gain[k], miss)
-        if self._recovery is not None and (led := self._recovery.led(k, now)).any():
-            wish[led] = self._recovery.command(k, now, self._disturbance(now))
+        if self._recovery is not None:
+            led, wheels = self._recovery.command(k, now, self._disturbance(now))
+            wish[led] = wheels
         return self._possible(wish, now)
 
 

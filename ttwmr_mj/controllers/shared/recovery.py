@@ -85,8 +85,23 @@ class Recovery:
         """Take the reference; arguments as of `RecedingHorizon.plan`."""
         self._horizon.plan(path, planned, self._decay, passes)
 
-    def led(self, k: int, now: Observed) -> BoolArray:
-        """(nsim,) who is led back at sample k since the plan's start; to be asked at each."""
+    def command(
+        self, k: int, now: Observed, disturbance: FloatArray
+    ) -> tuple[BoolArray, FloatArray]:
+        """Who is led back, (nsim,), and wheel speeds (m, 2) for those, m of them.
+
+        To be called at each sample: who is led back now depends on how it went so far.
+
+        Args:
+            k: sample since the plan's start.
+            now: of all simulations.
+            disturbance: (nsim, width) which lasts.
+        """
+        led = self._decide(k, now)
+        return led, self._horizon.command(k, now, disturbance, led)
+
+    def _decide(self, k: int, now: Observed) -> BoolArray:
+        """(nsim,) who is led back at sample k."""
         cost = self._horizon.cost_to_go(k, now)
         better = ~self._led | (cost < BETTER * self._least)
         self._least = np.where(better, cost, self._least)
@@ -95,7 +110,3 @@ class Recovery:
         stays = self._led & (cost > TAKE_BACK) & (self._since < PATIENCE_S)
         self._led = (cost > LEAVE) | stays
         return self._led
-
-    def command(self, k: int, now: Observed, disturbance: FloatArray) -> FloatArray:
-        """(m, 2) wheel speeds for those who are led, m of them, at least one."""
-        return self._horizon.command(k, now, disturbance, self._led)

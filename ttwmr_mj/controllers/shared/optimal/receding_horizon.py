@@ -69,6 +69,9 @@ class RecedingHorizon:
     def command(self, k: int, now: Observed, disturbance: FloatArray, who: BoolArray) -> FloatArray:
         """(m, 2) first commands of the improved plans of those who are asked for, m of them.
 
+        To be called at each sample, even where nobody is asked for: plans end when their
+        simulation is left out.
+
         Args:
             k: sample since the plan's start; from one call to the next it grows by one, but for
                 simulations that begin anew.
@@ -77,6 +80,9 @@ class RecedingHorizon:
             who: (nsim,) whose plans continue if they were asked for at the last sample, or begin
                 with the reference.
         """
+        if not who.any():
+            self._who = None
+            return np.empty((0, 2))
         end = min(k + self._samples, len(self._target.command))
         disturbance, planned = disturbance[who], _of(self._planned, who)
         target = Target(*(_of(values, who, 1) for values in self._target.between(k, end)))
