@@ -57,6 +57,13 @@ def test_its_commands_parse(page: Path) -> None:
 
 
 @every_page
+def test_the_tests_that_it_names_exist(page: Path) -> None:
+    code = "\n".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").glob("*.py"))
+    there = set(re.findall(r"^ *def (test_\w+)", code, flags=re.M))
+    assert not set(re.findall(r"`(test_\w+)`", page.read_text(encoding="utf-8"))) - there
+
+
+@every_page
 def test_its_scripts_exist(page: Path) -> None:
     for line in lines(page):
         for script in re.findall(r"\bpython3? (\S+\.py)", line):
