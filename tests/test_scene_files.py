@@ -117,6 +117,10 @@ REACHES_OUT = {  # by the ways in which MuJoCo puts names together
     "backslash": ('<include file="..\\secret.xml"/>', "<mujoco/>"),
     "through a link": ('<include file="down/../../secret.xml"/>', "<mujoco/>"),
     "between slashes": ('<include file="sub//../../../secret.xml"/>', "<mujoco/>"),
+    "stripped": (
+        '<compiler strippath="true"/><asset><mesh name="m" file="sub/to_secret.stl"/></asset>',
+        "<mujoco/>",
+    ),
     "from a part": (
         '<compiler meshdir="TOP"/><include file="more.xml"/>',
         '<mujoco><asset><mesh name="m" file="secret.png"/></asset></mujoco>',
@@ -133,6 +137,7 @@ def test_names_lead_where_mujoco_looks(kind: str, folder: Path) -> None:
     added, more = (text.replace("TOP", str(folder.parent)) for text in REACHES_OUT[kind])
     (folder / "sub" / "deep").mkdir(parents=True)
     (folder / "down").symlink_to(folder / "sub" / "deep")
+    (folder / "to_secret.stl").symlink_to(folder.parent / "secret.png")
     (folder / "more.xml").write_text(more)
     with pytest.raises(InputError, match="leads out of its folder") as refused:
         build(folder, added)

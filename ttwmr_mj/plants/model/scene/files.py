@@ -108,7 +108,11 @@ class _Walk:
                 self._folders |= dict.fromkeys(element.get(name, "") for name in FOLDERS)
             # a cube's pictures are named by fileright, fileleft and so on
             names = [value for key, value in element.items() if key.startswith("file")]
-            (parts if tag in ("include", "model") else self._names).update(dict.fromkeys(names))
+            if tag in ("include", "model"):
+                parts |= dict.fromkeys(names)
+            else:  # with `strippath` MuJoCo takes the last word only
+                last = [name.replace("\\", "/").rpartition("/")[2] for name in names]
+                self._names |= dict.fromkeys(names + last)
         if self._fits(len(parts)):
             homes = self._scene.parent, path.parent
             self._parts += (_reduced(home, "", name) for home in homes for name in parts)
