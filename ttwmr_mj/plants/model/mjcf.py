@@ -1,5 +1,7 @@
 """XML and parameters make one MjModel, whose halves weigh exactly what the parameters say."""
 
+from pathlib import Path
+
 import numpy as np
 
 from ttwmr_mj.assets import models_folder
@@ -8,6 +10,7 @@ from ttwmr_mj.dynamics.floor.balls import all_held_back
 from ttwmr_mj.dynamics.floor.ground import LEVEL, Ground
 from ttwmr_mj.dynamics.motor import Drive
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import resolved
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.engine import mujoco, warnings_kept
 from ttwmr_mj.plants.model.names import CASTERS, WHEELS, casters, contacts, trailer_part
@@ -15,6 +18,7 @@ from ttwmr_mj.plants.model.relief import add_relief
 from ttwmr_mj.plants.model.runners import add_runner
 from ttwmr_mj.plants.model.scene.files import refuse_what_leads_away
 from ttwmr_mj.plants.model.scene.likeness import refuse_another_robot
+from ttwmr_mj.plants.model.scene.trial import refuse_what_takes_too_much
 from ttwmr_mj.plants.model.train_parts import add_trailers
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import LEFT, RIGHT
@@ -24,6 +28,8 @@ from ttwmr_mj.state import LEFT, RIGHT
 ROLL_SHARE = 0.55
 GIMBAL_DAMPING = 2.0  # 1/s, of the swing inertia: a rattle in pitch and roll dies away in 0.5 s
 VISUAL_GROUP = 2
+# what MuJoCo raises where a scene is at fault; the last two are C++'s own, without a reason
+REFUSED = (ValueError, OSError, RuntimeError, MemoryError)
 
 
 def build_spec(
@@ -45,9 +51,10 @@ def build_spec(
         InputError: the scene cannot be read, leads to what is no data of its own, lacks a named
             part, or the inertia is impossible.
     """
+    path = _path(options)
     if options.model_path:
-        refuse_what_leads_away(options.model_path, "plant", "contact", "model_path")
-    path = options.model_path or _shipped()
+        files = refuse_what_leads_away(path, "plant", "contact", "model_path")
+        refuse_what_takes_too_much(path, files)
     spec = _read(path)
     for key in spec.keys:
         spec.delete(key)
@@ -87,8 +94,8 @@ def _read(path: str) -> mujoco.MjSpec:
     try:
         with warnings_kept() as warned:
             spec = mujoco.MjSpec.from_file(path)
-    except (ValueError, OSError) as error:
-        raise InputError.at(key, f"MuJoCo cannot read it: {error}", got=got) from error
+    except REFUSED as error:
+        raise InputError.at(key, f"MuJoCo cannot read it: {_reason(error)}", got=got) from error
     if warned:
         raise InputError.at(key, f"MuJoCo warns: {'; '.join(warned[:3])}", got=got)
     return spec
@@ -108,18 +115,30 @@ def build_model(
             model = spec.compile()
         if warned:
             raise ValueError("; ".join(warned[:3]))
-    except ValueError as error:
+    except REFUSED as error:
         key, what = "plant.contact", "this robot"
         if options.model_path:
             key, what = "plant.contact.model_path", "this robot in this scene"
         got = repr(options.model_path) if options.model_path else ""
-        raise InputError.at(key, f"MuJoCo rejects {what}: {error}", got=got) from error
+        raise InputError.at(key, f"MuJoCo rejects {what}: {_reason(error)}", got=got) from error
     if options.model_path:
         in_shipped = options.model_copy(update={"model_path": None})
         shipped = build_model(robot, in_shipped, ground, torque_input=torque_input)
-        stated, by_default = _read(options.model_path), _read(_shipped())
+        stated, by_default = _read(_path(options)), _read(_shipped())
         refuse_another_robot(model, shipped, stated.option, by_default.option)
     return model
+
+
+def _reason(error: Exception) -> str:
+    """MuJoCo's words, and where it has none, what is most likely."""
+    if isinstance(error, RuntimeError | MemoryError):
+        return f"{error} Is a size or a count in it beyond all memory?"
+    return str(error)
+
+
+def _path(options: ContactOptions) -> str:
+    """The scene's file without links: MuJoCo looks beside it for others."""
+    return str(resolved(Path(options.model_path))) if options.model_path else _shipped()
 
 
 def _shipped() -> str:
