@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -258,6 +260,25 @@ def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
     (tmp_path / "flat" / "a.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match="cannot be read as an image"):
         calibrate_from_images(tmp_path)
+
+
+def test_pictures_are_looked_at_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forty large ones together would take 4 GB."""
+    album(tmp_path, held=(48, 64), origin=(48, 64), flat=(48, 64))
+    for i in range(9):
+        shutil.copy(tmp_path / "held" / "a.png", tmp_path / "held" / f"{i}.png")
+    kept: list[weakref.ref[np.ndarray]] = []
+
+    def look(image: np.ndarray) -> None:
+        kept.append(weakref.ref(image))
+        assert sum(one() is not None for one in kept) == 1
+
+    monkeypatch.setattr("ttwmr_mj.studies.calibrate.find_board", look)
+    with pytest.raises(InputError, match="board was found in 0 views"):
+        calibrate_from_images(tmp_path)
+    assert len(kept) == 12
 
 
 @pytest.mark.slow
