@@ -22,7 +22,7 @@ from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.labels import read_layout
-from ttwmr_mj.vision.camera.lens import CAMERA, rays
+from ttwmr_mj.vision.camera.lens import CAMERA, refuse_folding
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
@@ -33,7 +33,6 @@ from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
 BELIEVED = "belief.camera"
-LOOKED_AT = 600  # columns and rows, where there are more
 POSE_STD = (3e-4, 2e-3)  # of a pose from one frame's labels, twice that of the lab's camera
 
 
@@ -307,5 +306,4 @@ def refuse_unusable(
     elif believed != section.camera:
         cameras[BELIEVED] = believed
     for key, camera in cameras.items():
-        stride = max(1, camera.width_px // LOOKED_AT, camera.height_px // LOOKED_AT)
-        rays(hang_camera(copy(model), camera), key, stride)
+        refuse_folding(hang_camera(copy(model), camera), key)
