@@ -21,7 +21,7 @@ from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.labels import read_layout
+from ttwmr_mj.vision.camera.labels import label_fault, read_layout
 from ttwmr_mj.vision.camera.lens import CAMERA, refuse_folding
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions
@@ -297,13 +297,17 @@ def refuse_unusable(
     """Look at a camera and what is believed of it, without taking pictures.
 
     Raises:
-        InputError: `CameraSensor` or `find_calibration` would refuse it.
+        InputError: a run with it is refused.
     """
-    read_layout(model)
-    cameras = {CAMERA: section.camera}
+    layout, hung = read_layout(model), {CAMERA: section.camera}
+    known: dict[str, CameraModel] = {}
     if section.calibration_path is not None:
-        named_calibration(section, folder)
+        known["sensing.calibration_path"] = named_calibration(section, folder).camera
     elif believed != section.camera:
-        cameras[BELIEVED] = believed
-    for key, camera in cameras.items():
-        refuse_folding(hang_camera(copy(model), camera), key)
+        hung[BELIEVED] = believed
+    for key, options in hung.items():
+        known[key] = hang_camera(copy(model), options)
+        refuse_folding(known[key], key)
+    for key, camera in known.items():
+        if fault := label_fault(camera, layout):
+            raise InputError(fault.within(*key.split(".")))
