@@ -57,6 +57,17 @@ def calibrated(held: list[Pose], origin: list[Pose], flat: list[Pose]) -> Calibr
     return calibrate(*views, CAMERA.width_px, CAMERA.height_px)
 
 
+def test_what_calibrate_finds_is_what_track_takes() -> None:
+    """Stretched pictures determine a camera as well, of pixels that none has."""
+    views = (seen(held_poses(), "held", 1), seen(ORIGIN, "origin", 2), seen(FLAT, "flat", 3))
+    stretched = [
+        [view._replace(pixels=view.pixels * [3.75, 1.0]) for view in part] for part in views
+    ]
+    told = r"focal lengths of 2[\d.]+ and 6[\d.]+ px; allowed: a ratio of 3 at most; .*stretched"
+    with pytest.raises(InputError, match=told):
+        calibrate(*stretched, 2400, CAMERA.height_px)
+
+
 def untilted(pose: Pose) -> Pose:
     """As it is spun, but parallel to the floor."""
     middle, turned = pose

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.assets import models_folder
 from ttwmr_mj.cli.main import main
 
 SCENARIO = """name = "mine"
@@ -175,10 +178,39 @@ def test_what_a_run_would_refuse_is_not_valid(
     name: str, values: list[str], key: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     given = [word for value in values for word in ("--set", value)]
+    _refused(name, given, key, tmp_path, capsys)
+
+
+def _refused(
+    name: str, given: list[str], key: str, folder: Path, capsys: pytest.CaptureFixture[str]
+) -> str:
+    """What `validate` and `run` say of a key, which is the same."""
     told = []
-    for command in (["validate", name], ["run", name, "--out", str(tmp_path / "out")]):
+    for command in (["validate", name], ["run", name, "--out", str(folder / "out")]):
         assert main([*command, *given]) == 2
         out, err = capsys.readouterr()
         assert "valid" not in out
-        told.append(next(line for line in err.splitlines() if f"{key}" in line).split(": got")[-1])
-    assert told[0] == told[1]
+        line = next(line for line in err.splitlines() if key in line and "warning: " not in line)
+        told.append(line.removeprefix("ttwmr:").strip())
+    assert told[0].split(": got")[-1] == told[1].split(": got")[-1]
+    return told[0]
+
+
+@pytest.mark.parametrize(
+    ("hung", "key", "told"),
+    [
+        ('pos="0 0 1.9" euler="3.1416 0 0" fovy="41"', "sensing.camera.name", "does not look down"),
+        ('pos="0 0 0.06" fovy="41"', "sensing.camera", "0.06 m above the floor, and the robot's"),
+        ('pos="0 0 1.9" fovy="0.05"', "sensing.camera", "a label is 1.082e+04 px wide"),
+    ],
+)
+def test_a_scenes_camera_that_cannot_see_the_labels_is_refused(
+    hung: str, key: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shutil.copytree(models_folder(), tmp_path / "mine")
+    scene = tmp_path / "mine" / "scene.xml"
+    text, count = re.subn('pos="0 0 1.9" fovy="41.1"', hung, scene.read_text())
+    assert count == 1
+    scene.write_text(text)
+    given = ["--set", f"plant.contact.model_path={scene}"]
+    assert told in _refused("lab_circle_camera", given, key, tmp_path, capsys)

@@ -9,6 +9,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -22,6 +23,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.vision import footage
+from ttwmr_mj.vision.calibration.file import load_calibration, save_calibration
 from ttwmr_mj.vision.camera.frame import Image
 
 CALIBRATION = scenarios_folder() / "calibration" / "lab_camera.yaml"
@@ -272,6 +274,36 @@ def test_bad_input_is_exit_code_2_with_what_to_do(
     monkeypatch.setattr("signal.signal", lambda *_: None)
     assert main([str(CALIBRATION) if word == "CAL" else word for word in arguments]) == 2
     assert expected in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"focal_px": np.full(2, 6.4e4)}, "a label is 1259 px wide; allowed: 1 to 160 px"),
+        ({"focal_px": np.full(2, 9e5)}, "a label is 1.77e+04 px wide"),
+        ({"focal_px": np.full(2, 3.6e-3)}, "lengths of 0.0036 and 0.0036 px, a label is 7.08"),
+        ({"position_m": np.array([0.0, 0.0, 0.09])}, "this camera, 0.09 m above the floor"),
+        ({"position_m": np.array([0.0, 0.0, 0.06])}, "0.06 m above the floor, and the robot's lab"),
+        ({"position_m": np.array([0.0, 0.0, 1900.0])}, "are its lengths in metres, and its focal"),
+    ],
+)
+def test_a_camera_that_cannot_see_the_labels_is_told_before_any_picture(
+    change: dict[str, np.ndarray],
+    told: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    cv2.imwrite("1.png", np.zeros((480, 640, 3), np.uint8))
+    good = load_calibration(CALIBRATION)
+    camera = replace(good.camera, **change)  # type: ignore[arg-type]  # arrays, all
+    save_calibration(replace(good, camera=camera), Path("mine.yaml"))
+    assert main(["track", ".", "--calibration", "mine.yaml", "--out", "out"]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("ttwmr: mine.yaml: ")
+    assert told in error
+    assert not Path("out").exists()
 
 
 LISTED = {

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import re
+import shutil
+import weakref
 from dataclasses import replace
 from pathlib import Path
 
@@ -159,6 +161,37 @@ def test_numbers_of_a_calibration_that_no_camera_has_are_refused(
         load_calibration(path)
 
 
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"rotation": np.eye(3)}, "rotation_world_to_camera: .* does not look down"),
+        ({"rotation": np.eye(3)[[0, 2, 1]] * [1, 1, -1]}, "does not look down at the floor"),
+        (
+            {"distortion": np.array([-1.9, 0.05, 0.0, 0.0, 0.0])},
+            "got k1 = -1.9, .* folds the image",
+        ),
+    ],
+)
+def test_a_camera_that_cannot_look_at_the_floor_is_refused(
+    change: dict[str, np.ndarray], message: str, tmp_path: Path
+) -> None:
+    camera = replace(lab_calibration().camera, **change)  # type: ignore[arg-type]  # arrays, all
+    save_calibration(replace(lab_calibration(), camera=camera), tmp_path / "camera.yml")
+    with pytest.raises(InputError, match=rf"camera\.yml: 1 error\n  .*{message}.*ttwmr calibrate"):
+        load_calibration(tmp_path / "camera.yml")
+
+
+@pytest.mark.parametrize("between", ["", "...\n---\n"], ids=["document", "two documents"])
+@pytest.mark.parametrize("key", ["image_width", "camera_position_m"])
+def test_a_key_that_is_there_twice_is_refused(key: str, between: str, tmp_path: Path) -> None:
+    save_calibration(lab_calibration(), path := tmp_path / "camera.yml")
+    again = re.search(rf"^{key}:.*\n(?: .*\n)*", path.read_text(), re.M)
+    assert again is not None
+    path.write_text(path.read_text() + between + again[0].replace("1.", "3."))
+    with pytest.raises(InputError, match=f"{key}: is there 2 times; allowed: once"):
+        load_calibration(path)
+
+
 def test_one_view_is_a_number_of_views(tmp_path: Path) -> None:
     save_calibration(replace(lab_calibration(), views=1), tmp_path / "camera.yml")
     assert load_calibration(tmp_path / "camera.yml").views == 1
@@ -258,6 +291,25 @@ def test_images_of_two_sizes_or_none_are_refused(tmp_path: Path) -> None:
     (tmp_path / "flat" / "a.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match="cannot be read as an image"):
         calibrate_from_images(tmp_path)
+
+
+def test_pictures_are_looked_at_one_after_the_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forty large ones together would take 4 GB."""
+    album(tmp_path, held=(48, 64), origin=(48, 64), flat=(48, 64))
+    for i in range(9):
+        shutil.copy(tmp_path / "held" / "a.png", tmp_path / "held" / f"{i}.png")
+    kept: list[weakref.ref[np.ndarray]] = []
+
+    def look(image: np.ndarray) -> None:
+        kept.append(weakref.ref(image))
+        assert sum(one() is not None for one in kept) == 1
+
+    monkeypatch.setattr("ttwmr_mj.studies.calibrate.find_board", look)
+    with pytest.raises(InputError, match="board was found in 0 views"):
+        calibrate_from_images(tmp_path)
+    assert len(kept) == 12
 
 
 @pytest.mark.slow

@@ -13,7 +13,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
 from ttwmr_mj.vision.camera.labels import NAMES, LabelLayout, read_layout
 from ttwmr_mj.vision.camera.lens import LensMap
-from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, undistort
+from ttwmr_mj.vision.camera.model import CameraModel, distort, hang_camera, stretch, undistort
 from ttwmr_mj.vision.camera.options import LAB_CAMERA, CameraOptions, Lens
 from ttwmr_mj.vision.tracking.pose import solve_pose
 
@@ -47,6 +47,18 @@ def test_undistort_inverts_distort() -> None:
     slopes = np.random.default_rng(1).uniform([-0.5, -0.38], [0.5, 0.38], (200, 2))
     coefficient = lab().distortion
     assert undistort(distort(slopes, coefficient), coefficient) == pytest.approx(slopes, abs=1e-12)
+
+
+def test_the_stretch_is_the_lower_eigenvalue_of_the_derivatives() -> None:
+    slopes = np.random.default_rng(1).uniform(-1.0, 1.0, (50, 2))
+    coefficient, step = np.array([-0.3, 0.1, 0.02, -0.03, 0.05]), 1e-6
+    apart = [
+        distort(slopes + step * axis, coefficient) - distort(slopes - step * axis, coefficient)
+        for axis in np.eye(2)
+    ]
+    derivatives = np.stack(apart, axis=-1) / (2.0 * step)
+    expected = np.linalg.eigvals(derivatives).real.min(axis=-1)
+    assert stretch(slopes, coefficient) == pytest.approx(expected, abs=1e-8)
 
 
 def test_rays_meet_the_plane_they_came_from() -> None:
@@ -115,3 +127,44 @@ def test_too_few_labels_give_no_pose(hidden: tuple[int, ...]) -> None:
     points = layout.centres_m(np.zeros(4))[:, :2]
     points[list(hidden)] = np.nan
     assert solve_pose(points, layout) is None
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "focal_px"),
+    [
+        ((-0.12, 0.05, 6e-4, -4e-4, 0.0), 640.0),
+        ((-0.35, 0.12, 0.0, 0.0, 0.0), 400.0),  # 106° from corner to corner
+        ((-0.3, 0.08, 1e-3, -5e-4, 0.0), 300.0),
+        ((0.5, 0.0, 0.0, 0.0, 0.0), 300.0),
+        ((0.0, 0.0, 0.0, 0.0, 0.0), 10.0),
+    ],
+)
+def test_every_pixel_of_a_wide_lens_has_its_ray(
+    coefficients: tuple[float, ...], focal_px: float
+) -> None:
+    camera = replace(lab(), distortion=np.array(coefficients), focal_px=np.full(2, focal_px))
+    assert not camera.folds
+    column, row = np.meshgrid(np.arange(0.0, 640.0, 3.0), np.arange(0.0, 480.0, 3.0))
+    pixel = np.stack([column, row], axis=-1)
+    assert camera.to_pixels(camera.to_tangents(pixel)) == pytest.approx(pixel, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("coefficients", "focal_px"),
+    [
+        ((-0.6, 0.05, 0.0, 0.0, 0.0), 640.0),
+        ((-1.9, 0.05, 0.0, 0.0, 0.0), 640.0),
+        ((-50.0, 0.05, 0.0, 0.0, 0.0), 640.0),
+        ((-5000.0, 0.05, 0.0, 0.0, 0.0), 640.0),
+        # in a corner only
+        ((-1.351, 1.463, -0.01, 0.047, -0.262), 288.0),
+        # each pixel that is looked at has a ray that leads back to it, beyond the fold
+        ((-450.0, 62000.0, 0.0, 0.0, 0.0), 213.0),
+        ((0.0, 0.0, 5.0, 0.0, 0.0), 640.0),
+        ((1e9, -1e9, 1e9, 1e9, 1e9), 640.0),
+    ],
+)
+def test_a_lens_that_turns_back_within_the_picture_folds_it(
+    coefficients: tuple[float, ...], focal_px: float
+) -> None:
+    assert replace(lab(), distortion=np.array(coefficients), focal_px=np.full(2, focal_px)).folds

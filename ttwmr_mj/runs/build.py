@@ -116,7 +116,7 @@ def make_sensor(
         folder: where a calibration file is looked for.
 
     Raises:
-        InputError: the calibration cannot be used.
+        InputError: the camera or its calibration cannot be used.
         MachineError: the scenario needs a camera and there is no OpenGL.
     """
     section, period = scenario.sensing, scenario.control.sampling_time_s
@@ -124,14 +124,16 @@ def make_sensor(
         return TruthSensor(section, period, rngs, scenario.belief.latency_s)
     # MuJoCo, OpenGL and OpenCV are loaded only when there is something to see
     from ttwmr_mj.vision.camera.rendering.drawn import build_drawn_model
-    from ttwmr_mj.vision.sensor import CameraSensor, find_calibration
+    from ttwmr_mj.vision.sensor import CameraSensor, find_calibration, refuse_unusable
 
+    model = build_drawn_model(scenario.robot, scenario.plant.contact)
+    refuse_unusable(section, scenario.believed_camera, model, folder)
     calibration_rng, camera_rng = rngs[0].spawn(2)
     return CameraSensor(
         section,
         find_calibration(section, scenario.believed_camera, calibration_rng, folder).camera,
         scenario.believed_robot,
-        build_drawn_model(scenario.robot, scenario.plant.contact),
+        model,
         period_s=period,
         nsim=plant.nsim,
         rng=camera_rng,

@@ -7,11 +7,10 @@ from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import write_bytes
 from ttwmr_mj.runs.build import generators
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.vision.calibration.board import SHEET_DPI, board_sheet, find_board
+from ttwmr_mj.vision.calibration.board import SHEET_DPI, BoardView, board_sheet, find_board
 from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate, calibrate_virtual
-from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.options import CameraSensing
-from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, size_px
+from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture
 
 
 def calibrate_scenario(scenario: Scenario) -> Calibration:
@@ -44,7 +43,7 @@ def calibrate_from_images(folder: Path) -> tuple[Calibration, list[Path]]:
         InputError: no pictures, some that cannot be read or differ in size, too few boards, or
             boards that determine no camera.
     """
-    held, origin, flat = (_pictures(folder / name) for name in ("held", "origin", "flat"))
+    held, origin, flat = (picture_files(folder / name) for name in ("held", "origin", "flat"))
     if not held or not origin:
         raise InputError.at(
             "--images",
@@ -52,23 +51,32 @@ def calibrate_from_images(folder: Path) -> tuple[Calibration, list[Path]]:
             f"{folder / 'origin'} (got {len(origin)})",
             allowed=", ".join(SUFFIXES),
         )
-    first, *others = (held | origin | flat).items()
-    for path, image in others:
-        if image.shape != first[1].shape:
-            unlike = Fault(
-                got=f"{size_px(image)} px",
-                problem=f"{first[0]} has {size_px(first[1])} px",
-                hint="all pictures must come from one camera at one resolution",
-            )
-            raise InputError(unlike, file=str(path))
-    height_px, width_px = first[1].shape[:2]
-    seen = {path: find_board(image) for path, image in (held | origin | flat).items()}
+    (width_px, height_px), seen = _looked_at([*held, *origin, *flat])
     views = [
-        [view._replace(picture=str(path)) for path in images if (view := seen[path]) is not None]
-        for images in (held, origin, flat)
+        [view._replace(picture=str(path)) for path in files if (view := seen[path]) is not None]
+        for files in (held, origin, flat)
     ]
     calibration = calibrate(views[0], views[1], views[2], width_px, height_px)
     return calibration, [path for path, view in seen.items() if view is None]
+
+
+def _looked_at(files: list[Path]) -> tuple[tuple[int, int], dict[Path, BoardView | None]]:
+    """The size of all pictures and the board in each: one at a time, however many there are."""
+    size_px, seen = (0, 0), dict[Path, BoardView | None]()
+    for path in files:
+        image = read_picture(path)
+        height_px, width_px = image.shape[:2]
+        if not seen:
+            size_px = width_px, height_px
+        if (width_px, height_px) != size_px:
+            unlike = Fault(
+                got=f"{width_px}×{height_px} px",
+                problem=f"{files[0]} has {size_px[0]}×{size_px[1]} px",
+                hint="all pictures must come from one camera at one resolution",
+            )
+            raise InputError(unlike, file=str(path))
+        seen[path] = find_board(image)
+    return size_px, seen
 
 
 def write_board(path: Path) -> None:
@@ -87,8 +95,3 @@ def write_board(path: Path) -> None:
     kind = Pillow.registered_extensions()[path.suffix.lower()]
     sheet.save(content, kind, dpi=(SHEET_DPI, SHEET_DPI), quality=95)
     write_bytes(path, content.getvalue())
-
-
-def _pictures(folder: Path) -> dict[Path, Image]:
-    """The images in a folder, by name; none where it is absent."""
-    return {path: read_picture(path) for path in picture_files(folder)}

@@ -54,11 +54,6 @@ def refuse_missing(path: Path) -> None:
         raise InputError(Fault(problem="no picture file of this name"), file=str(path))
 
 
-def size_px(image: Image) -> str:
-    """Width and height, in words."""
-    return f"{image.shape[1]}×{image.shape[0]}"
-
-
 def _read(path: Path) -> Image | None:
     from PIL import Image as Pillow
 

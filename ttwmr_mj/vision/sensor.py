@@ -21,8 +21,8 @@ from ttwmr_mj.vision.calibration.calibrate import Calibration, calibrate_virtual
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.delivery import DeliveryFaults
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.labels import read_layout
-from ttwmr_mj.vision.camera.lens import CAMERA, rays
+from ttwmr_mj.vision.camera.labels import label_fault, read_layout
+from ttwmr_mj.vision.camera.lens import CAMERA, refuse_folding
 from ttwmr_mj.vision.camera.model import CameraModel, hang_camera
 from ttwmr_mj.vision.camera.options import CameraOptions
 from ttwmr_mj.vision.camera.virtual_camera import VirtualCamera
@@ -33,7 +33,6 @@ from ttwmr_mj.vision.tracking.tracker import Tracker
 
 Frames = list[list[Frame]]  # of each simulation, those of one control period
 BELIEVED = "belief.camera"
-LOOKED_AT = 600  # columns and rows, where there are more
 POSE_STD = (3e-4, 2e-3)  # of a pose from one frame's labels, twice that of the lab's camera
 
 
@@ -298,14 +297,17 @@ def refuse_unusable(
     """Look at a camera and what is believed of it, without taking pictures.
 
     Raises:
-        InputError: `CameraSensor` or `find_calibration` would refuse it.
+        InputError: a run with it is refused.
     """
-    read_layout(model)
-    cameras = {CAMERA: section.camera}
+    layout, hung = read_layout(model), {CAMERA: section.camera}
+    known: dict[str, CameraModel] = {}
     if section.calibration_path is not None:
-        named_calibration(section, folder)
+        known["sensing.calibration_path"] = named_calibration(section, folder).camera
     elif believed != section.camera:
-        cameras[BELIEVED] = believed
-    for key, camera in cameras.items():
-        stride = max(1, camera.width_px // LOOKED_AT, camera.height_px // LOOKED_AT)
-        rays(hang_camera(copy(model), camera), key, stride)
+        hung[BELIEVED] = believed
+    for key, options in hung.items():
+        known[key] = hang_camera(copy(model), options)
+        refuse_folding(known[key], key)
+    for key, camera in known.items():
+        if fault := label_fault(camera, layout):
+            raise InputError(fault.within(*key.split(".")))

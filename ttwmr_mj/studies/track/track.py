@@ -18,7 +18,7 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.labels import read_layout
+from ttwmr_mj.vision.camera.labels import label_fault, read_layout
 from ttwmr_mj.vision.footage import open_footage
 from ttwmr_mj.vision.log import CameraRecord
 from ttwmr_mj.vision.tracking.options import FREE_MOTION
@@ -26,6 +26,7 @@ from ttwmr_mj.vision.tracking.tracker import Tracker
 
 BATCH = 30  # frames worked in between two writes: a second
 LIVE_BATCH = 3
+NARROWEST_LABEL_PX = 1.0  # what is found in a picture has a pixel at least
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,6 +74,8 @@ def track(
 
     camera = load_calibration(calibration_path).camera
     layout = read_layout(build_model(robot, ContactOptions()))
+    if fault := label_fault(camera, layout, NARROWEST_LABEL_PX):
+        raise InputError(fault, file=str(calibration_path))
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
     stopped, pace = False, pace or Pace()

@@ -15,6 +15,7 @@ import numpy as np
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.calibration.board import SQUARES, BoardCamera, BoardView, find_board
+from ttwmr_mj.vision.calibration.check import camera_fault
 from ttwmr_mj.vision.calibration.floor import Lying, Pose, flat_pose, place, rotation
 from ttwmr_mj.vision.camera.lens import CAMERA
 from ttwmr_mj.vision.camera.model import CameraModel
@@ -69,8 +70,8 @@ def calibrate(
         height_px: rows of the images.
 
     Raises:
-        InputError: too few views, none at the origin, views that determine no camera, or pictures
-            of the floor that contradict each other.
+        InputError: too few views, none at the origin, views that determine no camera or one that
+            cannot be, or pictures of the floor that contradict each other.
     """
     everything = [*held, *origin, *flat]
     if len(everything) < MIN_VIEWS or not origin:
@@ -87,6 +88,13 @@ def calibrate(
         for i, (view, pose) in enumerate(zip([*origin, *flat], poses[len(held) :], strict=True))
     ]
     camera, floor_rms = place(inner, lying, rms)
+    if fault := camera_fault(camera):
+        raise InputError.at(
+            "calibration",
+            f"the views determine a camera that cannot be: {fault}",
+            hint="give the pictures as the camera took them, neither stretched nor cut, with a "
+            "board near each border and corner",
+        )
     return Calibration(camera, rms, floor_rms, len(everything))
 
 

@@ -10,15 +10,17 @@ from typing import get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.plants.model.joints import Joints
 from ttwmr_mj.plants.model.names import hitches, trailer_part
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.camera.options import LabelName
 
 NAMES: tuple[LabelName, ...] = get_args(LabelName)  # of the hues, and of the first four labels
 TRACTOR = NAMES[:2]
+LABELS_ACROSS = 4.0  # the longer side of a picture, at least: a body with its two is as long
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,37 @@ class LabelLayout:
         jacobian[2 * rows, 2 + self.body] = -sin * x - cos * y
         jacobian[2 * rows + 1, 2 + self.body] = cos * x - sin * y
         return jacobian
+
+
+def label_fault(
+    camera: CameraModel, layout: LabelLayout, narrowest_px: float = 0.0
+) -> Fault | None:
+    """Why a camera that looks down cannot see the labels, or None: it can.
+
+    Args:
+        camera: somewhere above the floor, perhaps not above the labels.
+        layout: the labels.
+        narrowest_px: how wide a label must be.
+    """
+    highest_m, camera_m = layout.height_m.max(), camera.position_m[2]
+    if camera_m <= highest_m:
+        return Fault(
+            problem=f"this camera is {camera_m:.3g} m above the floor, and the robot's labels are "
+            f"at {highest_m:.3g} m",
+            hint="hang it above the robot, or say where it is in metres",
+        )
+    across_px = 2.0 * layout.radius_m / camera.metres_per_pixel(float(layout.height_m.mean()))
+    widest_px = max(camera.width_px, camera.height_px) / LABELS_ACROSS
+    if not narrowest_px <= across_px <= widest_px:
+        fx, fy = camera.focal_px
+        return Fault(
+            problem=f"to this camera, {camera_m:.3g} m above the floor, with focal lengths of "
+            f"{fx:.4g} and {fy:.4g} px, a label is {across_px:.4g} px wide",
+            allowed=f"{narrowest_px:g} to {widest_px:g} px in a picture of "
+            f"{camera.width_px}×{camera.height_px} px",
+            hint="are its lengths in metres, and its focal lengths in pixels?",
+        )
+    return None
 
 
 def label_parts(trailers: int) -> tuple[str, ...]:

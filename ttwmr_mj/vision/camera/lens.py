@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 from ttwmr_mj.vision.camera.model import DISTORTION, CameraModel
@@ -12,7 +12,6 @@ from ttwmr_mj.vision.camera.rendering.region import Region
 
 Place = NDArray[np.float32]
 CAMERA = "sensing.camera"
-FOLD_PX = 1e-3  # distortion undone and done again leads back to the same pixel
 
 
 class LensMap:
@@ -32,7 +31,7 @@ class LensMap:
         """Trace the ray of every pixel; `key` is where a scenario has the camera.
 
         Raises:
-            InputError: the distortion cannot be inverted within the picture.
+            InputError: the distortion folds the picture.
         """
         self._supersampling = supersampling
         self._defocus_px = defocus_px
@@ -40,7 +39,8 @@ class LensMap:
         self._camera = camera
         self.focal_px = float(supersampling * camera.focal_px[0])
         self.sensor = Region(0, 0, camera.width_px, camera.height_px)
-        fine = rays(camera, key) * self.focal_px
+        refuse_folding(camera, key)
+        fine = _rays(camera) * self.focal_px
         self._u, self._v = fine[..., 0].astype(np.float32), fine[..., 1].astype(np.float32)
         self.whole = self._seen(self.sensor)
 
@@ -92,21 +92,26 @@ class LensMap:
         return Region.around(self._u[pixels], self._v[pixels]).grown(reach)
 
 
-def rays(camera: CameraModel, key: str, stride: int = 1) -> FloatArray:
-    """Slopes (rows, columns, 2) of the rays that pixels see, or of one pixel in so many each way.
+def fold_fault(camera: CameraModel) -> Fault | None:
+    """Why a lens cannot be used, or None: rays through it are found for one pixel each."""
+    if not camera.folds:
+        return None
+    coefficients = ", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion))
+    fx, fy = camera.focal_px
+    return Fault(
+        problem="this distortion folds the image: near the border a pixel has no unique ray",
+        got=f"{coefficients} at focal lengths of {fx:g} and {fy:g} px",
+        allowed="weaker coefficients, or a longer focal length",
+    )
 
-    Raises:
-        InputError: the distortion cannot be inverted within the picture; with the camera's key.
-    """
-    columns, rows = np.arange(camera.width_px), np.arange(camera.height_px)
-    column, row = np.meshgrid(columns[::stride], rows[::stride])
-    pixel = np.stack([column, row], axis=-1).astype(np.float64)
-    tangent = camera.to_tangents(pixel)
-    if not np.abs(camera.to_pixels(tangent) - pixel).max() < FOLD_PX:
-        raise InputError.at(
-            f"{key}.lens",
-            "this distortion folds the image: near the border a pixel has no unique ray",
-            got=", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion)),
-            allowed="weaker coefficients, or a longer focal length",
-        )
-    return tangent
+
+def refuse_folding(camera: CameraModel, key: str) -> None:
+    """Raise an InputError, with the camera's key, where its lens folds the picture."""
+    if fault := fold_fault(camera):
+        raise InputError(fault.within(*key.split("."), "lens"))
+
+
+def _rays(camera: CameraModel) -> FloatArray:
+    """Slopes (rows, columns, 2) of the rays that pixels see."""
+    column, row = np.meshgrid(np.arange(camera.width_px), np.arange(camera.height_px))
+    return camera.to_tangents(np.stack([column, row], axis=-1).astype(np.float64))

@@ -15,9 +15,13 @@ from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.options import MOVES, CameraOptions
 
-# OpenCV stops after five steps unless told
-UNTIL_CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 60, 1e-13)
+# OpenCV stops after five steps unless told; near the border of a wide lens's picture it takes some
+# hundred
+UNTIL_CONVERGED = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 1000, 1e-13)
 DISTORTION = ("k1", "k2", "p1", "p2", "k3")  # OpenCV's order
+FOLD_PX = 1e-3  # distortion undone and done again leads back to the same pixel
+FOLD_GRID = (65, 49)  # columns and rows of pixels, to the corners, whose rays are looked at
+FOLD_STEPS = 32  # on the way from the optical axis out to each of them
 _UNIT = np.eye(3)
 
 
@@ -71,6 +75,23 @@ class CameraModel:
         reach = (height_m - self.position_m[2]) / ray[..., 2]
         return np.asarray(self.position_m[:2] + reach[..., None] * ray[..., :2])
 
+    @property
+    def looks_down(self) -> bool:
+        """Whether the optical axis meets the floor."""
+        return bool(self.rotation[2, 2] < 0.0)
+
+    @property
+    def folds(self) -> bool:
+        """Whether a pixel has no ray of its own: distortion turns back on the way out to it."""
+        sides = zip((self.width_px, self.height_px), FOLD_GRID, strict=True)
+        columns, rows = (np.linspace(0.0, side - 1.0, count) for side, count in sides)
+        pixel = np.stack(np.meshgrid(columns, rows), axis=-1)
+        tangent = self.to_tangents(pixel)
+        if not np.abs(self.to_pixels(tangent) - pixel).max() < FOLD_PX:
+            return True
+        way = np.linspace(0.0, 1.0, FOLD_STEPS)[:, None, None, None] * tangent
+        return not bool((stretch(way, self.distortion) > 0.0).all())
+
     def metres_per_pixel(self, height_m: float) -> float:
         """Size of a pixel at a height, on the optical axis, across it."""
         depth = (height_m - self.position_m[2]) / self.rotation[2, 2]
@@ -83,7 +104,7 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     The model's camera, a child of the world, is moved and turned by the options: once per call.
 
     Raises:
-        InputError: the scene has no camera of that name.
+        InputError: the scene has no camera of that name, or it looks up.
     """
     names = [model.camera(index).name for index in range(model.ncam)]
     if options.name not in names:
@@ -100,7 +121,7 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
     axes = data.cam_xmat[camera.id].reshape(3, 3)
     focal = 0.5 * options.height_px / np.tan(np.radians(float(camera.fovy[0])) / 2)
     size = np.array([options.width_px, options.height_px], dtype=np.float64)
-    return CameraModel(
+    hung = CameraModel(
         width_px=options.width_px,
         height_px=options.height_px,
         focal_px=np.array([focal, focal]),
@@ -109,6 +130,10 @@ def hang_camera(model: mujoco.MjModel, options: CameraOptions) -> CameraModel:
         rotation=np.diag([1.0, -1.0, -1.0]) @ axes.T,
         position_m=np.array(data.cam_xpos[camera.id]),
     )
+    if not hung.looks_down:
+        problem = "this camera of the scene does not look down at the floor"
+        raise InputError.at("sensing.camera.name", problem, got=shown(options.name))
+    return hung
 
 
 def _move(camera: Any, options: CameraOptions) -> None:
@@ -136,6 +161,23 @@ def distort(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:
         ],
         axis=-1,
     )
+
+
+def stretch(tangent: FloatArray, coefficient: FloatArray) -> FloatArray:
+    """By how much `distort` stretches what is near (..., 2) in the direction where it does least.
+
+    Its derivatives are symmetric, and this is their lower eigenvalue: where it is positive all the
+    way out from the optical axis, no two rays appear to come from the same direction.
+    """
+    k1, k2, p1, p2, k3 = coefficient
+    x, y = tangent[..., 0], tangent[..., 1]
+    r2 = x * x + y * y
+    radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
+    growth = 2.0 * (k1 + r2 * (2.0 * k2 + 3.0 * r2 * k3))
+    xx = radial + growth * x * x + 2.0 * p1 * y + 6.0 * p2 * x
+    yy = radial + growth * y * y + 6.0 * p1 * y + 2.0 * p2 * x
+    xy = growth * x * y + 2.0 * (p1 * x + p2 * y)
+    return np.asarray(0.5 * (xx + yy) - np.hypot(0.5 * (xx - yy), xy))
 
 
 def undistort(distorted: FloatArray, coefficient: FloatArray) -> FloatArray:
