@@ -18,6 +18,7 @@ from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.scene import trial
+from ttwmr_mj.plants.model.settled import settled_qpos
 from ttwmr_mj.robot import RobotParameters
 
 ROBOT = RobotParameters()
@@ -152,3 +153,22 @@ def test_a_polite_end_ends_the_trial_too(tmp_path: Path) -> None:
     assert process.returncode == 1, told
     assert "stopped" in told
     assert not Path(f"/proc/{child[0]}").exists()
+
+
+@pytest.mark.slow
+def test_slow_physics_answers_signals(tmp_path: Path) -> None:
+    boxes = "".join(
+        f'<body pos="{3 + 0.2 * (i % 10)} {0.2 * (i // 10)} 0.06"><freejoint/>'
+        '<geom type="box" size="0.05 0.05 0.05"/></body>'
+        for i in range(100)
+    )
+    model = build_model(ROBOT, scene(tmp_path, f"<worldbody>{boxes}</worldbody>"))
+    answered = list[int]()
+    before = signal.signal(signal.SIGALRM, lambda number, _: answered.append(number))
+    signal.setitimer(signal.ITIMER_REAL, 0.02, 0.02)
+    try:
+        settled_qpos([model], [True], 1, leans=False)  # takes seconds
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+    assert len(answered) > 5  # in one call of MuJoCo: once, after it

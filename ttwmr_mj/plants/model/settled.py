@@ -12,6 +12,7 @@ from ttwmr_mj.plants.model.relief import take_off
 from ttwmr_mj.state import FloatArray
 
 SETTLE_S = 0.5  # the robot sinks into its soft contacts and comes to rest well before that
+AT_A_TIME = 20  # steps: signals are answered in between, in a scene whose physics is slow too
 # How many decimals of height [m] and tilt the robot stands with. Those beyond are what the solver's
 # order of summation leaves; a mirrored robot must stand in exactly the same way.
 SETTLED_DECIMALS = 15
@@ -54,8 +55,12 @@ def settled_qpos(
     with faults.kept():
         apart.reset()
     standing = np.array(qpos)
-    with faults.kept():
-        apart.step(nstep=round(SETTLE_S / level[0].opt.timestep))
+    left = round(SETTLE_S / level[0].opt.timestep)
+    while left:
+        now = min(left, AT_A_TIME)
+        with faults.kept():
+            apart.step(nstep=now)
+        left -= now
     joints = Joints(level[0])
     for row, i in enumerate(first.values()):
         if in_own_scene[i]:
