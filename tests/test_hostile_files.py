@@ -37,6 +37,7 @@ VALUES: list[Any] = [
     *([], [1], [[1, 2], [3, 4]], ["lab"], [{}], [1e300, 1e-300], [{"kind": "x"}]),
     *({}, {"kind": "x"}, {"a": {}}, {"preset": "lab"}),
 ]
+NAMES = ["", " ", "int", "[key]", "list[int]", "mass[kg]", "a[", "x[0]", "a.b", "é" * 300]
 
 Keys = tuple[str | int, ...]
 
@@ -50,10 +51,12 @@ def keys_of(data: Any, outer: Keys = ()) -> Iterator[Keys]:
 
 
 def mutated(data: dict[str, Any], known: list[Keys], rng: random.Random) -> dict[str, Any]:
-    """A copy with one to three values replaced, added where there were none, or left out."""
+    """A copy with one to three values replaced, added at keys old and new, or left out."""
     data = copy.deepcopy(data)
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         *outer, last = rng.choice(known)
+        if isinstance(last, str) and rng.random() < 0.1:
+            last = rng.choice(NAMES)
         value = copy.deepcopy(rng.choice(VALUES))
         if rng.random() < 0.2:
             value = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-12.0, 12.0)
@@ -162,6 +165,7 @@ WORDS = [
     *("validate", "run", "list", "lab_circle", "no.toml", "--set", "--seed", "-1", "--out"),
     *("seed=1", "sensing.kind=cameras", "initial.kind=on_refrence", 'sensing.preset=["lab"]'),
     *("duration_s=1e-308", "duration_s=1e300", "duration_s=" + "9" * 5000, "a=" + "[" * 5000),
+    *("int=1", "a[=1", "robot.trailer.mass[kg]=0.3", "plant.pushes[0].start_s=1", "[key]=1"),
     *("=", ".", "a..b=1", "reference=1", "accept=[]", "--quie", "", "\0", "é", "--fragment"),
 ]
 

@@ -58,8 +58,9 @@ class Fault:
 
     @property
     def where(self) -> str:
-        """The key as it is written: robot.tractor.mass_kg."""
-        return ".".join(cut(str(word)) for word in self.key)
+        """The key as it is written: robot.tractor.mass_kg; a word that would not be seen: " "."""
+        words = (cut(str(word)) for word in self.key)
+        return ".".join(word if word.strip() else f'"{word}"' for word in words)
 
     @property
     def message(self) -> str:
