@@ -265,6 +265,30 @@ def test_of_many_faults_the_first_are_told(
     assert lines[101:] == [f"  and {left} more"]
 
 
+MANY = "\n".join(f"k{i} = 1" for i in range(20_000))
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "told"),
+    [
+        (load_sweep, MANY, "\n  and 900 more"),
+        (load_suite, f"{MANY}\n[controller.a]", "\n  and 900 more"),
+        (load_sweep, "seeds = 400_000_000", "seeds: got 400000000; allowed: 1 to 1000000, or a l"),
+        (load_sweep, f"seeds = [{'1,' * 100_000}]", "..; allowed: one or more, each once"),
+    ],
+)
+def test_a_sweep_or_suite_of_any_size_is_told_of_soon(
+    read: Callable[[str], object], text: str, told: str, tmp_path: Path
+) -> None:
+    file, began_s = tmp_path / "mine.toml", process_time()
+    file.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read(str(file))
+    assert told in str(caught.value)
+    assert len(str(caught.value)) < 20_000
+    assert process_time() - began_s < LONGEST_S
+
+
 def test_words_of_any_length_are_not_repeated(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["validate", "lab_circle", "--set", f"{'a' * 9000}=1"]) == 2
     with pytest.raises(SystemExit):
