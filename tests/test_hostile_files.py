@@ -16,7 +16,7 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.assets import scenarios_folder, shipped_scenarios
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.files import MOST_LEVELS, parse_toml, read_toml
@@ -263,6 +263,30 @@ def test_of_many_faults_the_first_are_told(
     lines = capsys.readouterr().err.splitlines()
     assert first in lines[1]
     assert lines[101:] == [f"  and {left} more"]
+
+
+PUSH = "plant.pushes=[{start_s=0.1,duration_s=0.1,force_n=[1.0,0.0]}]"
+CAMERA = str(scenarios_folder() / "calibration" / "lab_camera.yaml")
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "²"])
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["sweep", "gains", "--record", "worst:{}"], "--record: got"),
+        (["sweep", "gains", "--shard", "1/{}"], "--shard: got"),
+        (["validate", "lab_circle", "--set", PUSH, "--set", "plant.pushes.{}.x=1"], "got index"),
+        (["track", "99999999999", "--calibration", CAMERA], "no such video"),
+    ],
+)
+def test_a_number_of_any_length_is_told(
+    words: list[str], told: str, number: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([word.replace("{}", number) for word in words]) == 2
+    err = capsys.readouterr().err
+    assert told in err
+    assert "unexpected" not in err
+    assert len(err) < 500
 
 
 MANY = "\n".join(f"k{i} = 1" for i in range(20_000))

@@ -109,6 +109,10 @@ def test_what_is_no_data_is_refused(part: str, problem: str, folder: Path) -> No
             "a texture has 60000 × 60000 cells; allowed: 30,000,000",
         ),
         (
+            f'<asset><texture type="2d" builtin="flat" width="{"9" * 5000}" height="2"/></asset>',
+            "a texture has 99999999999999999... × 2 cells; allowed: 30,000,000",
+        ),
+        (
             '<asset><hfield name="h" ncol="30000" nrow="30000" size="1 1 1 1"/></asset>',
             "a height field has 30000 × 30000 cells",
         ),

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.config import Config
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.errors import Fault, InputError, Keys, require, shown
+from ttwmr_mj.errors import Fault, InputError, Keys, require, shown, whole
 from ttwmr_mj.files import (
     MOST_LEVELS,
     is_file,
@@ -316,10 +316,10 @@ def _place(container: Any, key: str, where: str) -> Any:
     if isinstance(container, dict):
         return key
     if isinstance(container, list):
-        if key.isdigit() and int(key) < len(container):
-            return int(key)
+        if (index := whole(key)) is not None and index < len(container):
+            return index
         allowed = f"0 to {len(container) - 1}, as the list has {len(container)} entries"
-        raise _unset(where, got=f"index {key!r}", allowed=allowed)
+        raise _unset(where, got=f"index {shown(key)}", allowed=allowed)
     raise _unset(where, problem=f"{key!r} can only be set in a table, and this is a value")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 from ttwmr_mj.assets import models_folder
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, cut
 from ttwmr_mj.files import resolved
 
 FOLDERS = ("assetdir", "meshdir", "texturedir")  # of <compiler>
@@ -85,8 +85,10 @@ def _too_large(root: ElementTree.Element) -> Iterator[str]:
     for tag, (words, *names) in SIZES.items():
         for element in root.iter(tag):
             across, up = (element.get(name, "1") for name in names)
-            if across.isdecimal() and up.isdecimal() and int(across) * int(up) > MOST_CELLS:
-                yield f"{words} has {across} × {up} cells; allowed: {MOST_CELLS:,}"
+            # floats: int() takes no more than 4300 digits
+            if across.isdecimal() and up.isdecimal() and float(across) * float(up) > MOST_CELLS:
+                cells = f"{cut(across, 20)} × {cut(up, 20)} cells"
+                yield f"{words} has {cells}; allowed: {MOST_CELLS:,}"
 
 
 def _named(root: ElementTree.Element, homes: set[Path]) -> Iterator[tuple[Path, bool]]:
