@@ -50,8 +50,12 @@ NAMES = (
 )
 for kind in load_subcommands("ttwmr_mj.cli.commands").values():
     make_dataclass(kind)  # a command line makes one only of the subcommand that it names
-SHARED = "--set a.b=1 --set c=x --fragment f.toml --seed 3"
-OVERRIDES: dict[str, Any] = {"overrides": ("a.b=1", "c=x"), "fragment": Path("f.toml"), "seed": 3}
+SHARED = "--set a.b=1 --set c=x --fragment f.toml --fragment g.toml --seed 3"
+OVERRIDES: dict[str, Any] = {
+    "overrides": ("a.b=1", "c=x"),
+    "fragments": (Path("f.toml"), Path("g.toml")),
+    "seed": 3,
+}
 FOLDER: dict[str, Any] = {"out": Path("o"), "force": True, "quiet": True}
 EVERYTHING = {
     "sweep a.toml --out o --dry-run --set a.b=1 --extend --shard 1/2 --merge p q --record median "
@@ -180,7 +184,7 @@ NOTHING = {
         "live": None,
         "pace": None,
         "overrides": (),
-        "fragment": None,
+        "fragments": (),
         "seed": None,
         "out": None,
         "force": False,

@@ -71,12 +71,21 @@ def other_keys(path: Path) -> None:
         path.write_text("[]" if path.suffix == ".json" else "[[x]]\n")
 
 
+def not_utf8(path: Path) -> None:
+    """The last column's name; the file is sound otherwise."""
+    if path.suffix == ".parquet":
+        name = pq.read_schema(path).names[-1].encode()
+        path.write_bytes(path.read_bytes().replace(name, name[:-1] + b"\xa0"))
+    else:
+        path.write_bytes(b"\xa0")
+
+
 def looped(path: Path) -> None:
     """A link to itself."""
     path.symlink_to(path)
 
 
-DAMAGES = [garbage, truncated, emptied, other_types, other_keys]
+DAMAGES = [garbage, truncated, emptied, other_types, other_keys, not_utf8]
 Damage = Callable[[Path], None]
 
 

@@ -16,7 +16,7 @@ import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from ttwmr_mj.assets import shipped_scenarios
+from ttwmr_mj.assets import scenarios_folder, shipped_scenarios
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError, MachineError
 from ttwmr_mj.files import MOST_LEVELS, parse_toml, read_toml
@@ -37,6 +37,7 @@ VALUES: list[Any] = [
     *([], [1], [[1, 2], [3, 4]], ["lab"], [{}], [1e300, 1e-300], [{"kind": "x"}]),
     *({}, {"kind": "x"}, {"a": {}}, {"preset": "lab"}),
 ]
+NAMES = ["", " ", "int", "[key]", "list[int]", "mass[kg]", "a[", "x[0]", "a.b", "é" * 300]
 
 Keys = tuple[str | int, ...]
 
@@ -50,10 +51,12 @@ def keys_of(data: Any, outer: Keys = ()) -> Iterator[Keys]:
 
 
 def mutated(data: dict[str, Any], known: list[Keys], rng: random.Random) -> dict[str, Any]:
-    """A copy with one to three values replaced, added where there were none, or left out."""
+    """A copy with one to three values replaced, added at keys old and new, or left out."""
     data = copy.deepcopy(data)
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         *outer, last = rng.choice(known)
+        if isinstance(last, str) and rng.random() < 0.1:
+            last = rng.choice(NAMES)
         value = copy.deepcopy(rng.choice(VALUES))
         if rng.random() < 0.2:
             value = rng.choice([-1.0, 1.0]) * 10.0 ** rng.uniform(-12.0, 12.0)
@@ -162,6 +165,7 @@ WORDS = [
     *("validate", "run", "list", "lab_circle", "no.toml", "--set", "--seed", "-1", "--out"),
     *("seed=1", "sensing.kind=cameras", "initial.kind=on_refrence", 'sensing.preset=["lab"]'),
     *("duration_s=1e-308", "duration_s=1e300", "duration_s=" + "9" * 5000, "a=" + "[" * 5000),
+    *("int=1", "a[=1", "robot.trailer.mass[kg]=0.3", "plant.pushes[0].start_s=1", "[key]=1"),
     *("=", ".", "a..b=1", "reference=1", "accept=[]", "--quie", "", "\0", "é", "--fragment"),
 ]
 
@@ -259,6 +263,54 @@ def test_of_many_faults_the_first_are_told(
     lines = capsys.readouterr().err.splitlines()
     assert first in lines[1]
     assert lines[101:] == [f"  and {left} more"]
+
+
+PUSH = "plant.pushes=[{start_s=0.1,duration_s=0.1,force_n=[1.0,0.0]}]"
+CAMERA = str(scenarios_folder() / "calibration" / "lab_camera.yaml")
+
+
+@pytest.mark.parametrize("number", ["9" * 5000, "²"])
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["sweep", "gains", "--record", "worst:{}"], "--record: got"),
+        (["sweep", "gains", "--shard", "1/{}"], "--shard: got"),
+        (["validate", "lab_circle", "--set", PUSH, "--set", "plant.pushes.{}.x=1"], "got index"),
+        (["track", "99999999999", "--calibration", CAMERA], "no such video"),
+    ],
+)
+def test_a_number_of_any_length_is_told(
+    words: list[str], told: str, number: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main([word.replace("{}", number) for word in words]) == 2
+    err = capsys.readouterr().err
+    assert told in err
+    assert "unexpected" not in err
+    assert len(err) < 500
+
+
+MANY = "\n".join(f"k{i} = 1" for i in range(20_000))
+
+
+@pytest.mark.parametrize(
+    ("read", "text", "told"),
+    [
+        (load_sweep, MANY, "\n  and 900 more"),
+        (load_suite, f"{MANY}\n[controller.a]", "\n  and 900 more"),
+        (load_sweep, "seeds = 400_000_000", "seeds: got 400000000; allowed: 1 to 1000000, or a l"),
+        (load_sweep, f"seeds = [{'1,' * 100_000}]", "..; allowed: one or more, each once"),
+    ],
+)
+def test_a_sweep_or_suite_of_any_size_is_told_of_soon(
+    read: Callable[[str], object], text: str, told: str, tmp_path: Path
+) -> None:
+    file, began_s = tmp_path / "mine.toml", process_time()
+    file.write_text(text)
+    with pytest.raises(InputError) as caught:
+        read(str(file))
+    assert told in str(caught.value)
+    assert len(str(caught.value)) < 20_000
+    assert process_time() - began_s < LONGEST_S
 
 
 def test_words_of_any_length_are_not_repeated(capsys: pytest.CaptureFixture[str]) -> None:

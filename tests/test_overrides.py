@@ -6,6 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from ttwmr_mj.cli.command_line import parse
+from ttwmr_mj.cli.commands.validate import Validate
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.file import load_scenario, paths_set
 
@@ -26,6 +29,27 @@ def test_a_fragments_list_replaces_the_first_by_its_name(tmp_path: Path) -> None
     assert robot.hitch.damping_n_m_s_rad == 0.01
     both = [f"robot.hitches={DAMPING}", "robot.hitch.damping_n_m_s_rad=0.02"]  # the later one
     assert load_scenario("lab_circle", both).robot.hitch.damping_n_m_s_rad == 0.02
+
+
+def test_fragments_then_overrides_then_the_seed_count(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("one.toml").write_text(
+        "seed = 1\nrobot.tractor.mass_kg = 1.1\nrobot.trailer.mass_kg = 0.3\n"
+    )
+    Path("two.toml").write_text("seed = 2\n[[robot.trailers]]\nmass_kg = 0.4\n")
+    words = ["--fragment", "one.toml", "--fragment", "two.toml"]
+    for more, seed in (([], 2), (["--set", "seed=3"], 3), (["--seed", "4", "--set", "seed=3"], 4)):
+        command = parse(["validate", "lab_circle", *words, *more])
+        assert isinstance(command, Validate)
+        found = command.load("lab_circle")
+        assert (found.robot.tractor.mass_kg, found.robot.trailer.mass_kg) == (1.1, 0.4)
+        assert found.seed == seed
+    assert load_scenario("lab_circle", fragment=["two.toml", "one.toml"]).seed == 1
+    Path("two.toml").write_text("robot = 5\n")
+    assert main(["validate", "lab_circle", *words]) == 2
+    assert "lab_circle.toml with one.toml with two.toml: 1 error" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("world", ["kind", "lab", "unkind"])

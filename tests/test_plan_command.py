@@ -103,6 +103,17 @@ def test_what_changes_the_scenario_is_in_the_one_that_drives_the_plan(tmp_path: 
     assert (robot.tractor.mass_kg, robot.trailer.mass_kg) == (1.1, 0.4)
 
 
+def test_fragments_are_merged_as_into_any_scenario(tmp_path: Path) -> None:
+    hitch, tractor = tmp_path / "hitch.toml", tmp_path / "tractor.toml"
+    hitch.write_text("[[robot.hitches]]\ndamping_n_m_s_rad = 0.01\n")
+    tractor.write_text("[robot.tractor]\nmass_kg = 1.1\n")
+    words = ["--fragment", str(hitch), "--fragment", str(tractor)]
+    command = parse(["plan", "way.csv", "--scenario", "lab_circle", *words])
+    assert isinstance(command, PlanCommand)
+    _, robot, _ = command._robot()
+    assert (robot.hitch.damping_n_m_s_rad, robot.tractor.mass_kg) == (0.01, 1.1)
+
+
 def test_a_plan_is_made_anew_for_a_robot_that_the_scenarios_own_does_not_fit() -> None:
     """Which is what the fault of the plan says to do."""
     heavier = ["--set", "robot.trailer.mass_kg=0.5"]

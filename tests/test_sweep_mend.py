@@ -8,6 +8,8 @@ from collections.abc import Callable, Generator, Iterable
 from dataclasses import replace
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from test_sweep_folder import filled, told
 
@@ -46,6 +48,22 @@ def test_a_damaged_shard_is_named_and_made_again(plan: Plan, tmp_path: Path) -> 
     assert fill(plan, tmp_path / "out", told, warn=said.extend)
     assert said == [f"{shard.path}: damaged; it is made again"]
     assert (tmp_path / "out" / "results.parquet").read_bytes() == whole
+
+
+@pytest.mark.parametrize("name", ["shards/*/*.parquet", "results.parquet"])
+def test_a_table_whose_texts_are_not_utf_8_is_made_again(
+    name: str, plan: Plan, tmp_path: Path
+) -> None:
+    whole, out = filled(plan, tmp_path / "out", chunk=12), tmp_path / "out"
+    (path,) = out.glob(name)
+    table = pq.read_table(path)
+    bytes_of = pa.array([b"\xa0"] * len(table)).view(pa.string())
+    place = table.schema.get_field_index("reason")
+    pq.write_table(table.set_column(place, table.schema.field(place), bytes_of), path)
+    said: list[str] = []
+    assert fill(plan, out, told, warn=said.extend)
+    assert said == [f"{path}: damaged; it is made again"]
+    assert (out / "results.parquet").read_bytes() == whole
 
 
 def late_at(*late: int) -> Compute:

@@ -58,8 +58,9 @@ class Fault:
 
     @property
     def where(self) -> str:
-        """The key as it is written: robot.tractor.mass_kg."""
-        return ".".join(cut(str(word)) for word in self.key)
+        """The key as it is written: robot.tractor.mass_kg; a word that would not be seen: " "."""
+        words = (cut(str(word)) for word in self.key)
+        return ".".join(word if word.strip() else f'"{word}"' for word in words)
 
     @property
     def message(self) -> str:
@@ -265,3 +266,9 @@ def require_whole(where: str, given: object, least: int, most: int, problem: str
     if not isinstance(given, Integral) or not least <= int(given) <= most:
         raise InputError.at(where, problem, got=shown(given), allowed=f"{least} to {most:,}")
     return int(given)
+
+
+def whole(word: str) -> int | None:
+    """The whole number of a word that is one, in 31 bits; None of any other, however long."""
+    number = int(word) if word.isdecimal() and len(word) <= 10 else 2**31
+    return number if number < 2**31 else None

@@ -108,18 +108,23 @@ class Overrides(Subcommand):
     """Subcommands that read scenarios, in which single values can be replaced."""
 
     overrides: tuple[str, ...] = option(
-        "override a value of the scenario; repeatable", name="--set", metavar="KEY.PATH=VALUE"
+        "override a value of the scenario, after all fragments; repeatable, a later one counts",
+        name="--set",
+        metavar="KEY.PATH=VALUE",
     )
-    fragment: Path | None = option(
-        "TOML file merged into the scenario, such as compare --fit writes", metavar="FILE"
+    fragments: tuple[Path, ...] = option(
+        "TOML file merged into the scenario, such as compare --fit writes; repeatable, the "
+        "value of a later one counts",
+        name="--fragment",
+        metavar="FILE",
     )
-    seed: int | None = option("replace the scenario's seed")
+    seed: int | None = option("replace the scenario's seed, after all fragments and --set")
 
     def load(self, scenario: str, *more: str) -> Scenario:
         """The scenario with the user's overrides, and more after them."""
         from ttwmr_mj.scenario.file import load_scenario
 
-        return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragment)
+        return load_scenario(scenario, [*self.overrides, *more], self.seed, self.fragments)
 
 
 class Live(Quiet):

@@ -64,6 +64,20 @@ def parquet_file(path: Path) -> Iterator[pq.ParquetFile]:
         yield parquet
 
 
+def sound(table: pa.Table) -> pa.Table:
+    """The same table; PyArrow reads texts and names as bytes, and looks at them when asked to.
+
+    Raises:
+        ValueError: a text or the name of a column is not UTF-8.
+    """
+    try:
+        _ = table.column_names
+    except UnicodeDecodeError as error:
+        raise ValueError("the name of a column is not UTF-8") from error
+    table.validate(full=True)
+    return table
+
+
 def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     """The table in a file, or some columns of it.
 
@@ -77,6 +91,6 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     no_device(path)
     with path.open("rb") as file:
         try:
-            return pq.read_table(file, columns=None if columns is None else list(columns))
+            return sound(pq.read_table(file, columns=None if columns is None else list(columns)))
         except pa.ArrowException as error:
             raise ValueError(str(error).splitlines()[0]) from error

@@ -43,20 +43,20 @@ def faults_of(error: ValidationError, root: type[BaseModel] = Scenario) -> list[
     around = {item["loc"][:n] for item in errors for n in range(len(item["loc"]))}
     meant = [e for e in errors if not (e["type"] == "too_short" and e["loc"] in around)]
     others = (
-        Fault(key=_place(item["loc"], root)[0], problem="wrong") for item in meant[MOST_TOLD:]
+        Fault(key=_place(_location(item), root)[0], problem="wrong") for item in meant[MOST_TOLD:]
     )
     return [*(fault_of(item, root) for item in meant[:MOST_TOLD]), *others]
 
 
 def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
     """One pydantic error in this project's words; `root` is the model of the whole file."""
-    keys, table, value = _place(error["loc"], root)
+    keys, table, value = _place(_location(error), root)
     got, context = error["input"], error.get("ctx", {})
     match error["type"]:
         case "extra_forbidden" if keys in MOVED:
             return Fault(key=keys, problem=MOVED[keys])
         case "extra_forbidden":
-            known = list(table["properties"])
+            known = list(table.get("properties", ()))
             problem = f"unknown key{_meant(keys, table, root)}"
             hint = _of_another_kind(keys, error["loc"], root)
             return Fault(key=keys, problem=problem, allowed=", ".join(known), hint=hint)
@@ -88,7 +88,7 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
 
 def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:
     """A hint at the key that was probably meant: by its letters, or by what it means."""
-    word, properties = str(keys[-1]), table["properties"]
+    word, properties = str(keys[-1]), table.get("properties", {})
     if close := suggestion(word, list(properties)):
         return close
     schema = _schema(root)
@@ -139,10 +139,17 @@ def suggestion(word: str, choices: list[str]) -> str:
 _schema = cache(lambda root: root.model_json_schema())
 
 
+def _location(error: Any) -> Keys:
+    """Where pydantic has an error; of a name that is none, where that name is."""
+    location: Keys = error["loc"]
+    of_name = location[-1:] == ("[key]",) and error["type"] == "string_pattern_mismatch"
+    return location[:-1] if of_name else location
+
+
 def _place(location: Keys, root: type[BaseModel]) -> tuple[Keys, Node, Node]:
     """A pydantic location as a file writes it; in the JSON Schema, the table around it and itself.
 
-    Pydantic's locations hold the tags of unions, too; they pick the member, and are in no file.
+    Where the schema has a union, pydantic's locations name its member, which is in no file.
     """
     schema: Node = _schema(root)
     keys: list[str | int] = []
@@ -151,11 +158,11 @@ def _place(location: Keys, root: type[BaseModel]) -> tuple[Keys, Node, Node]:
         members = node.get("discriminator", {}).get("mapping", {})
         if key in members:
             node = _resolved({"$ref": members[key]}, schema)
-            continue
-        if key == "int" or (isinstance(key, str) and "[" in key):  # members of a union
-            continue
-        keys.append(key)
-        table, node = node, _resolved(_inside(node, key), schema)
+        elif len(_alternatives(node)) > 1:
+            node = {}  # any of them
+        else:
+            keys.append(key)
+            table, node = node, _resolved(_inside(node, key), schema)
     for first, name in RobotParameters.FIRST.items():
         for outer in (("robot",), ("belief", "robot")):
             if tuple(keys[: len(outer) + 2]) == (*outer, name, 0):
@@ -169,8 +176,16 @@ def _inside(node: Node, key: str | int) -> Node:
     return node.get("properties", {}).get(key) or next(filter(None, alike), {})
 
 
+def _alternatives(node: Node) -> list[Node]:
+    """What a value may be, if not null."""
+    given: list[Node] = node.get("anyOf") or node.get("oneOf") or []
+    return [one for one in given if one.get("type") != "null"]
+
+
 def _resolved(node: Node, schema: Node) -> Node:
     """What a node refers to; of what may be null, what else it may be."""
-    node = next((other for other in node.get("anyOf", ()) if "$ref" in other), node)
+    alternatives = _alternatives(node)
+    if len(alternatives) == 1:
+        node = node | alternatives[0]
     name = node.get("$ref", "").removeprefix("#/$defs/")
     return schema["$defs"][name] if name else node

@@ -14,7 +14,7 @@ from pydantic import ValidationError
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.config import Config
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.errors import Fault, InputError, Keys, require, shown
+from ttwmr_mj.errors import Fault, InputError, Keys, require, shown, whole
 from ttwmr_mj.files import (
     MOST_LEVELS,
     is_file,
@@ -69,15 +69,16 @@ def load_scenario(
     name_or_path: str | Path,
     overrides: Sequence[str] | None = None,
     seed: int | None = None,
-    fragment: Path | str | None = None,
+    fragment: Path | str | list[Path | str] | tuple[Path | str, ...] | None = None,
 ) -> Scenario:
-    """Read a scenario, merge a fragment into it, apply overrides, check all of it.
+    """Read a scenario, merge fragments into it, apply overrides, check all of it.
 
     Args:
         name_or_path: a TOML file or the name of a shipped scenario.
         overrides: `key.path=value`; the value is read as TOML, or else as plain text.
-        seed: replaces the scenario's seed.
-        fragment: a TOML file whose values replace the scenario's, table by table.
+        seed: replaces the scenario's seed, and one that a fragment or an override gives.
+        fragment: a TOML file whose values replace the scenario's, table by table; of several, in
+            their order, a later one's those of the earlier ones.
 
     Raises:
         InputError: with every fault of the file in one message.
@@ -87,16 +88,28 @@ def load_scenario(
     for i, override in enumerate(overrides or []):
         require(str, f"overrides[{i}]", override, hint='as in "seed=7"')
     path = find_scenario(str(name_or_path))
-    data, source = read_scenario(path), str(path)
-    if fragment is not None:
-        other = read_scenario(named("fragment", fragment))
-        _forget_first(data, _paths([("", other)]))
-        data, source = merged(data, other), f"{path} with {fragment}"
+    data = read_scenario(path)
+    several = fragment if isinstance(fragment, list | tuple) else [fragment]
+    fragments = [named("fragment", one) for one in several if one is not None]
+    for one in fragments:
+        data = with_fragment(data, one)
     for override in overrides or []:
         set_value(data, override)
     if seed is not None:
         data["seed"] = seed
-    return check_scenario(data, source, path.parent)
+    return check_scenario(data, " with ".join(map(str, (path, *fragments))), path.parent)
+
+
+def with_fragment(data: dict[str, Any], fragment: Path) -> dict[str, Any]:
+    """Plain data with the values of a TOML file in place of its own, table by table.
+
+    Raises:
+        InputError: it cannot be read as TOML.
+    """
+    other = read_scenario(fragment)
+    _forget_first(data, _paths([("", other)]))
+    found: dict[str, Any] = merged(data, other)
+    return found
 
 
 def require_scenario(given: object, where: str = "scenario") -> Scenario:
@@ -303,10 +316,10 @@ def _place(container: Any, key: str, where: str) -> Any:
     if isinstance(container, dict):
         return key
     if isinstance(container, list):
-        if key.isdigit() and int(key) < len(container):
-            return int(key)
+        if (index := whole(key)) is not None and index < len(container):
+            return index
         allowed = f"0 to {len(container) - 1}, as the list has {len(container)} entries"
-        raise _unset(where, got=f"index {key!r}", allowed=allowed)
+        raise _unset(where, got=f"index {shown(key)}", allowed=allowed)
     raise _unset(where, problem=f"{key!r} can only be set in a table, and this is a value")
 
 

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 from pydantic import BaseModel, FailFast, Field, ValidationError
 
-from ttwmr_mj.errors import Fault, InputError, Keys, RunError
+from ttwmr_mj.errors import Fault, InputError, Keys, RunError, whole
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, refuse_missing
@@ -54,7 +54,8 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
     if Path(source).is_dir():
         yield _pictures(Path(source), camera)
         return
-    if not source.isdecimal() and not Path(source).is_file():
+    index = whole(source)
+    if index is None and not Path(source).is_file():
         missing = Fault(
             problem="no such video file or folder",
             hint="give a video file, a folder of pictures or a camera's index",
@@ -62,7 +63,7 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         raise InputError(missing, file=source)
     with quiet():
         # in full: OpenCV takes what stands before a colon for a network's protocol
-        name = int(source) if source.isdecimal() else str(Path(source).absolute())
+        name = str(Path(source).absolute()) if index is None else index
         stream = cv2.VideoCapture(name)
     try:
         if not stream.isOpened():

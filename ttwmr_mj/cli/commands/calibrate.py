@@ -62,7 +62,7 @@ class Calibrate(Overrides, NewFiles, name="calibrate"):
         return {
             "SCENARIO": self.scenario != LAB,
             "--set": bool(self.overrides),
-            "--fragment": self.fragment is not None,
+            "--fragment": bool(self.fragments),
             "--seed": self.seed is not None,
         }
 

@@ -114,9 +114,9 @@ class PlanCommand(Overrides, NewFiles, Quiet, name="plan"):
         if self.scenario is not None:
             return []
         problem = "there is no --scenario whose values it could replace"
-        given = {"--set": self.overrides or None, "--fragment": self.fragment, "--seed": self.seed}
-        names = [name for name, value in given.items() if value is not None]
-        return [Fault(key=(name,), problem=problem) for name in names]
+        seed = self.seed is not None
+        given = {"--set": self.overrides, "--fragment": self.fragments, "--seed": seed}
+        return [Fault(key=(name,), problem=problem) for name, value in given.items() if value]
 
     def _faults_of_files(self, out: Path) -> list[Fault]:
         """What stands in the way of writing the plan and what belongs to it."""
@@ -130,8 +130,8 @@ class PlanCommand(Overrides, NewFiles, Quiet, name="plan"):
             return [Fault(key=key, problem=problem, hint=hint)]
         files = [out.with_suffix(suffix) for suffix in (".csv", ".toml", ".png")]
         there = [file for file in files if file.exists()]
-        named = [self.points, self.fragment, Path(self.scenario or "")]
-        sources = [source for source in named if source is not None and is_file(source)]
+        named = [self.points, *self.fragments, Path(self.scenario or "")]
+        sources = [source for source in named if is_file(source)]
         if lost := [str(f) for f in there if any(f.samefile(source) for source in sources)]:
             problem = f"it would replace {', '.join(lost)}, which it is made from"
             return [Fault(key=key, problem=problem, hint="name another")]
@@ -163,8 +163,7 @@ class PlanCommand(Overrides, NewFiles, Quiet, name="plan"):
         from ttwmr_mj.scenario.file import paths_set, read_scenario
 
         chosen = {f"--set {o}": {next(paths_set(o)).partition(".")[0]: o} for o in self.overrides}
-        if self.fragment is not None:
-            chosen[f"--fragment {self.fragment}"] = read_scenario(self.fragment)
+        chosen |= {f"--fragment {file}": read_scenario(file) for file in self.fragments}
         faults = [
             Fault(key=(where,), problem=f"the plan replaces {key}", hint=hint)
             for where, tables in chosen.items()
@@ -174,16 +173,15 @@ class PlanCommand(Overrides, NewFiles, Quiet, name="plan"):
             raise InputError(*faults)
 
     def _data(self, file: Path) -> dict[str, Any]:
-        """The scenario's file with the user's fragment, overrides and seed.
+        """The scenario's file with the user's fragments, overrides and seed.
 
         What the scenario accepts is of its own motion; what the user sets is of the plan.
         """
-        from ttwmr_mj.robot import merged
-        from ttwmr_mj.scenario.file import read_scenario, set_value
+        from ttwmr_mj.scenario.file import read_scenario, set_value, with_fragment
 
         data = {key: value for key, value in read_scenario(file).items() if key != "accept"}
-        if self.fragment is not None:
-            data = merged(data, read_scenario(self.fragment))
+        for fragment in self.fragments:
+            data = with_fragment(data, fragment)
         for override in self.overrides:
             set_value(data, override)
         return data if self.seed is None else data | {"seed": self.seed}

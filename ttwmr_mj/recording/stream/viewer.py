@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from ttwmr_mj.errors import InputError, MachineError, cut, shown
+from ttwmr_mj.errors import InputError, MachineError, cut, shown, whole
 
 MAGIC = b"RRF"  # that recordings begin with
 LOOPBACK = "127.0.0.1"
@@ -122,13 +122,13 @@ def display() -> str | None:
     if wayland and (Path(runtime) / wayland).exists():
         return f"Wayland {wayland}"
     x11 = os.environ.get("DISPLAY", "")
-    host, _, number = x11.rpartition(":")
-    number = number.partition(".")[0]
-    if not number.isdigit():
+    host, _, screen = x11.rpartition(":")
+    number = whole(screen.partition(".")[0])
+    if number is None:
         return None
     if host in ("", "unix"):
         return f"X11 {x11}" if Path(f"/tmp/.X11-unix/X{number}").exists() else None
-    return f"X11 {x11}" if listens(6000 + int(number), host) else None
+    return f"X11 {x11}" if listens(6000 + number, host) else None
 
 
 def free_port(wanted: int) -> int:

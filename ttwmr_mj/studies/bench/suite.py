@@ -36,7 +36,7 @@ from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
 from ttwmr_mj.errors import Fault, InputError, Keys, shown
 from ttwmr_mj.files import is_file, read_toml, require_none_but_files
-from ttwmr_mj.scenario.faults import fault_of, suggestion
+from ttwmr_mj.scenario.faults import faults_of, suggestion
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.schema import Scenario
 
@@ -170,7 +170,7 @@ def load_suite(name_or_path: str, most_rows: int = MOST_ROWS) -> Suite:
         suite = Suite.model_validate(data)
         faults = _faults(suite) or _of_rows(suite, most_rows)
     except ValidationError as error:
-        faults = [fault_of(item, Suite) for item in error.errors()]
+        faults = faults_of(error, Suite)
     if faults:
         raise InputError(*faults, file=str(path))
     tasks = {name: _placed(task, path.parent) for name, task in suite.task.items()}

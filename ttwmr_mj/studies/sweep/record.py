@@ -11,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.errors import InputError, RunError, shown, whole
 from ttwmr_mj.results.parquet import read_parquet
 from ttwmr_mj.results.verdict import SUCCESSES
 from ttwmr_mj.state import FloatArray
@@ -41,9 +41,9 @@ class Wish:
         which, colon, count = text.partition(":")
         if text == "median":
             return cls("median", 1)
-        if which in ("worst", "best", "failed") and colon and count.isdecimal() and int(count):
-            return cls(which, int(count))
-        raise InputError.at("--record", got=repr(text), allowed=ALLOWED)
+        if which in ("worst", "best", "failed") and colon and (number := whole(count)):
+            return cls(which, number)
+        raise InputError.at("--record", got=shown(text), allowed=ALLOWED)
 
 
 def rows_to_record(plan: Plan, folder: Path, wish: Wish) -> list[int]:

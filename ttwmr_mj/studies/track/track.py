@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError, RunError
+from ttwmr_mj.errors import Fault, InputError, RunError, whole
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.recording.stream.live import LiveView
@@ -117,7 +117,7 @@ def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: boo
     else:
         (folder / "track.rrd").unlink()  # it has no frame
     # of a camera's stream this is the end
-    if stopped and not (rows and source.isdecimal()):
+    if stopped and not (rows and whole(source) is not None):
         raise KeyboardInterrupt
     if not rows:
         problem = "no frame could be read; it may be empty or damaged"

@@ -9,7 +9,7 @@ import pyarrow as pa
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import remove
-from ttwmr_mj.results.parquet import parquet_file
+from ttwmr_mj.results.parquet import parquet_file, sound
 from ttwmr_mj.studies.pool.limits import has_more_time
 from ttwmr_mj.studies.sweep.engine import schema_of
 from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
@@ -69,7 +69,7 @@ def _holds_all(path: Path, plan: Plan) -> bool:
                 for i in range(file.num_row_groups)
             ]
             for i in range(file.num_row_groups):  # every column can be read
-                file.read_row_group(i)
+                sound(file.read_row_group(i))
             schema = file.schema_arrow
     except (OSError, ValueError, KeyError, pa.ArrowException):
         return False

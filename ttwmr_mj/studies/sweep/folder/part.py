@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import InputError, shown, whole
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 
@@ -24,10 +24,10 @@ class Part:
         """
         if text is None:
             return cls()
-        index, slash, count = text.partition("/")
-        if slash and index.isdecimal() and count.isdecimal() and 1 <= int(index) <= int(count):
-            return cls(int(index), int(count))
-        raise InputError.at("--shard", got=repr(text), allowed="i/n with 1 <= i <= n, such as 2/8")
+        index, count = map(whole, text.partition("/")[::2])
+        if index and count and index <= count:
+            return cls(index, count)
+        raise InputError.at("--shard", got=shown(text), allowed="i/n with 1 <= i <= n, such as 2/8")
 
     def rows(self, plan: Plan) -> tuple[int, int]:
         """First row, and the one after the last."""

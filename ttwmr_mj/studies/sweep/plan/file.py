@@ -11,10 +11,10 @@ from pydantic import Discriminator, Field, Tag, ValidationError
 
 from ttwmr_mj.assets import sweeps_folder
 from ttwmr_mj.config import NAME, WORD, Config
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, shown
 from ttwmr_mj.files import is_file, read_toml, require_none_but_files
 from ttwmr_mj.results.metrics import METRICS
-from ttwmr_mj.scenario.faults import faults_of, suggestion
+from ttwmr_mj.scenario.faults import MOST_FAULTS, faults_of, suggestion
 from ttwmr_mj.scenario.file import paths_set
 from ttwmr_mj.studies.bench.suite import is_suite
 from ttwmr_mj.studies.sweep.plan.axes import OWN_KEYS, Axis, Table, as_toml, axes_of, split_belief
@@ -125,6 +125,8 @@ def load_sweep(name_or_path: str, overrides: tuple[str, ...] = ()) -> SweepReque
         file = SweepFile.model_validate(data)
     except ValidationError as error:
         faults = faults_of(error, SweepFile)
+        if error.error_count() > MOST_FAULTS:
+            raise InputError(*faults, file=str(path)) from error
         file = _sound_part(data, faults)
     constants, believed = split_belief(file.belief, faults)
     axes = tuple(axes_of(file.parameters, believed, file.together, faults))
@@ -175,20 +177,22 @@ def _seeds(file: SweepFile) -> Iterable[int]:
     return range(file.first_seed, file.first_seed + file.seeds)
 
 
+def _seed_faults(seeds: int | list[int], first: int) -> Iterator[Fault]:
+    if isinstance(seeds, list):
+        if not seeds or len(set(seeds)) < len(seeds):
+            yield Fault(key=("seeds",), got=shown(seeds), allowed="one or more, each once")
+        if first:
+            yield Fault(key=("first_seed",), got=str(first), allowed="where seeds is a number")
+    elif not 1 <= seeds <= MOST_SEEDS:
+        yield Fault(key=("seeds",), got=str(seeds), allowed=f"1 to {MOST_SEEDS}, or a list")
+    elif first + seeds > 2**32:
+        allowed = f"at most {2**32 - seeds} with {seeds} seeds"
+        yield Fault(key=("first_seed",), got=str(first), allowed=allowed)
+
+
 def _faults(file: SweepFile, axes: tuple[Axis, ...]) -> Iterator[Fault]:
     """What the keys do not show one by one."""
-    if isinstance(file.seeds, int) and not 1 <= file.seeds <= MOST_SEEDS:
-        yield Fault(key=("seeds",), got=str(file.seeds), allowed=f"1 to {MOST_SEEDS}, or a list")
-    elif isinstance(file.seeds, list) and (
-        not file.seeds or len(set(file.seeds)) < len(file.seeds)
-    ):
-        yield Fault(key=("seeds",), got=repr(file.seeds), allowed="one or more, each once")
-    if file.first_seed and isinstance(file.seeds, list):
-        allowed = "where seeds is a number"
-        yield Fault(key=("first_seed",), got=str(file.first_seed), allowed=allowed)
-    elif isinstance(file.seeds, int) and max(_seeds(file), default=0) >= 2**32:
-        allowed = f"at most {2**32 - file.seeds} with {file.seeds} seeds"
-        yield Fault(key=("first_seed",), got=str(file.first_seed), allowed=allowed)
+    yield from _seed_faults(file.seeds, file.first_seed)
     if file.metric is not None and file.metric not in METRICS:
         hint = suggestion(file.metric, list(METRICS))
         yield Fault(key=("metric",), got=f"{file.metric!r}{hint}", allowed=", ".join(METRICS))
