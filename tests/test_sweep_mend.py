@@ -202,3 +202,38 @@ def test_a_plan_that_was_edited_is_refused_whole(
     with pytest.raises(InputError, match=rf"one/plan\.json: no plan that .*{told}"):
         merge((tmp_path / "one", tmp_path / "two"), tmp_path / "all")
     assert not (tmp_path / "all").exists()
+
+
+STRANGE = {
+    "not of a plan's rows": "999999990-999999999-10.parquet",
+    "more than there is room for": "000000000-000000005-900000000.parquet",
+    "none": "000000000-000000005-0.parquet",
+    "from the end to the start": "000000005-000000000-6.parquet",
+    "not counted": "000000000-000000005-x.parquet",
+    "a copy": "000000000-000000005-6 (copy).parquet",
+}
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+def test_what_is_no_shards_name_is_no_shard(kind: str, plan: Plan, tmp_path: Path) -> None:
+    whole, out = filled(plan, tmp_path / "out", chunk=6), tmp_path / "out"
+    shard = shards_in(out, plan)[0]
+    (shard.path.parent / STRANGE[kind]).write_bytes(shard.path.read_bytes())
+    shard.path.unlink()
+    (out / "results.parquet").unlink()
+    assert fill(plan, out, told)
+    assert (out / "results.parquet").read_bytes() == whole
+    merge((out,), tmp_path / "joined")
+    assert len(shards_in(tmp_path / "joined", plan)) == len(shards_in(out, plan))
+
+
+def test_a_shard_that_holds_other_rows_than_its_name_says_is_not_merged(
+    plan: Plan, tmp_path: Path
+) -> None:
+    filled(plan, tmp_path / "out", chunk=6)
+    one, other = shards_in(tmp_path / "out", plan)[:2]
+    one.path.write_bytes(other.path.read_bytes())
+    with pytest.raises(InputError, match=r"does not hold the rows that its name says") as refused:
+        merge((tmp_path / "out",), tmp_path / "joined")
+    assert str(one.path) in str(refused.value)
+    assert not (tmp_path / "joined").exists()

@@ -19,7 +19,7 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 def mend(folder: Path, plan: Plan) -> list[str]:
     """Delete shards and a table that cannot be read or hold something else; says which."""
-    bad = [shard.path for shard in shards_in(folder, plan) if not _is_sound(shard, plan)]
+    bad = [shard.path for shard in shards_in(folder, plan) if not is_sound(shard, plan)]
     table = folder / RESULTS_FILE
     if table.exists() and not table.is_dir() and not _holds_all(table, plan):
         bad.append(table)
@@ -49,7 +49,8 @@ def drop_late(folder: Path, plan: Plan) -> None:
         shard.path.unlink(missing_ok=True)
 
 
-def _is_sound(shard: Shard, plan: Plan) -> bool:
+def is_sound(shard: Shard, plan: Plan) -> bool:
+    """Whether a shard can be read and holds the rows that its name says."""
     try:
         table = shard.read()
     except InputError:
@@ -58,7 +59,7 @@ def _is_sound(shard: Shard, plan: Plan) -> bool:
         return False
     rows = table["row"].to_numpy()
     ends = (rows[0], rows[-1]) == (shard.first, shard.last)
-    return bool(ends and rows[-1] < plan.rows and (np.diff(rows) > 0).all())
+    return bool(ends and (np.diff(rows) > 0).all())
 
 
 def _holds_all(path: Path, plan: Plan) -> bool:

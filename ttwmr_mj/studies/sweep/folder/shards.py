@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import re
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,7 +21,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from ttwmr_mj.errors import InputError, refused
+from ttwmr_mj.errors import Fault, InputError, refused
 from ttwmr_mj.files import delete_drafts, written
 from ttwmr_mj.results.parquet import read_parquet
 from ttwmr_mj.state import BoolArray
@@ -28,7 +29,7 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.plan.sampling import IntArray
 
 FOLDER = "shards"
-NAMED = "-".join(["[0-9]" * 9, "[0-9]" * 9, "*"])
+NAMED = re.compile(r"(\d{9})-(\d{9})-(\d{1,9})(-[0-9a-f]{12})?\.parquet", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,10 +42,13 @@ class Shard:
     count: int
 
     @classmethod
-    def of(cls, path: Path) -> Self:
-        """The shard of this name."""
-        first, last, count = map(int, path.stem.split("-")[:3])
-        return cls(path, first, last, count)
+    def of(cls, path: Path, plan: Plan) -> Self | None:
+        """The shard of this name; None: it is no name of rows of this plan."""
+        if not (named := NAMED.fullmatch(path.name)):
+            return None
+        first, last, count = map(int, named.groups()[:3])
+        possible = first <= last < plan.rows and 0 < count <= last - first + 1
+        return cls(path, first, last, count) if possible else None
 
     @property
     def rows(self) -> IntArray:
@@ -65,7 +69,7 @@ class Shard:
             why = refused(error) if isinstance(error, OSError) else str(error)
             problem = f"the file is damaged: {why.splitlines()[0]}"
             hint = "delete it; the same command computes its rows again"
-            raise InputError.at(str(self.path), problem, hint=hint) from error
+            raise InputError(Fault(problem=problem, hint=hint), file=str(self.path)) from error
 
 
 def shards_folder(folder: Path, plan: Plan) -> Path:
@@ -75,7 +79,8 @@ def shards_folder(folder: Path, plan: Plan) -> Path:
 
 def shards_in(folder: Path, plan: Plan) -> list[Shard]:
     """All shards that are there, by their first rows."""
-    found = (Shard.of(path) for path in shards_folder(folder, plan).glob(f"{NAMED}.parquet"))
+    paths = shards_folder(folder, plan).glob("*.parquet")
+    found = [shard for path in paths if (shard := Shard.of(path, plan))]
     return sorted(found, key=lambda shard: (shard.first, shard.last, shard.count))
 
 
