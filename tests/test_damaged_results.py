@@ -297,24 +297,26 @@ def test_a_damaged_recording_is_told(
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("change", "told"),
     [
-        {"x_m": ["a", "b"]},
-        {"x_m": [None, 1.0]},
-        {"time_s": [0.0, 0.0]},
-        {"time_s": [0.0, float("nan")]},
-        {"time_s": [1.0, 0.5]},
-        {"est_valid": [None, True]},
+        ({"x_m": ["a", "b"]}, "its column x_m holds no numbers, but string"),
+        ({"x_m": [0.0, None]}, "its column x_m is empty in 1 of 2 rows, the first of them row 1, "),
+        ({"time_s": [0.0, 0.0]}, "its times do not increase"),
+        ({"time_s": [0.0, float("nan")]}, "its times do not increase"),
+        ({"time_s": [1.0, 0.5]}, "its times do not increase"),
+        ({"est_valid": [None, True]}, "its column est_valid is empty in 1 of 2 rows"),
     ],
 )
-def test_a_table_that_is_no_trajectory_is_refused(change: dict[str, list[object]]) -> None:
+def test_a_table_that_is_no_trajectory_is_refused(
+    change: dict[str, list[object]], told: str
+) -> None:
     scenario = tt.load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=0.033"])
     table = tt.simulate(scenario).trajectory.to_table()
     assert len(Trajectory.of_table(table, "a file")) == 2
     for name, values in change.items():
         place = table.schema.get_field_index(name)
         table = table.set_column(place, name, pa.array(values))
-    with pytest.raises(InputError, match="a file: not a trajectory: "):
+    with pytest.raises(InputError, match=f"a file: not a trajectory: {told}"):
         Trajectory.of_table(table, "a file")
     with pytest.raises(InputError, match=r"a file: .* it lacks x_m, y_m, .* and others"):
         Trajectory.of_table(table.select(["time_s"]), "a file")

@@ -95,6 +95,15 @@ DAMAGES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "height beyond all bounds": (at("height_m", 3, 1e5), "its column height_m is 100000"),
     "wheels": (at("wheels_on_floor", 3, 5.0), "its column wheels_on_floor is 5"),
     "an age beyond all bounds": (at("measurement_age_s", 3, 1e30), "its column .*_age_s is 1e"),
+    "an age below zero": (at("measurement_age_s", 3, -1.0), "its column .*_age_s is -1"),
+    "too many labels": (
+        lambda c: c | {"labels_found": np.full_like(c["labels_found"], 77.0)},
+        "its column labels_found is 77 at 0 s",
+    ),
+    "a row 50 ns late": (
+        at("time_s", 20, 0.66000005),
+        r"has a row at 0\.66000005 s where its scenario has one at 0\.66 s",
+    ),
     "an age before all times": (at("measurement_age_s", 3, -INF), "its column .*_age_s is -inf"),
     "commands": (at("wheel_left_cmd_rad_s", 3, NAN), "its column wheel_left_cmd_rad_s is nan"),
     "a train": (

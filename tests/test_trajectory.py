@@ -115,6 +115,11 @@ def test_damaged_and_foreign_files_are_refused(run: Trajectory, tmp_path: Path) 
         Trajectory.read(torn)
     with pytest.raises(InputError, match="cannot be read"):
         Trajectory.read(tmp_path / "missing.parquet")
+    table = run.to_table()
+    doubled = table.append_column("x_m", table["x_m"])
+    pq.write_table(doubled, torn)
+    with pytest.raises(InputError, match="as a trajectory: it has the column x_m twice"):
+        Trajectory.read(torn)
     foreign = tmp_path / "foreign.parquet"
     pq.write_table(run.to_table().drop_columns(["y_m"]), foreign)
     with pytest.raises(InputError, match="it lacks y_m"):

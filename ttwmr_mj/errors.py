@@ -98,6 +98,12 @@ def at_least(value: float, digits: int = 3) -> str:
     return f"at least {rounded(value, ROUND_CEILING, digits)}"
 
 
+def apart(one: float, other: float) -> tuple[str, str]:
+    """Two numbers that differ, in as many digits as show it, at least six."""
+    digits = next((n for n in range(6, 17) if f"{one:.{n}g}" != f"{other:.{n}g}"), 17)
+    return f"{one:.{digits}g}", f"{other:.{digits}g}"
+
+
 def rounded(value: float, rounding: str, digits: int = 3) -> str:
     """A number in so many digits, rounded to the side that one of `decimal`'s words names."""
     # from the digits that Python reads the number from: its binary ones are a little off

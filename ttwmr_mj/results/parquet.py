@@ -68,12 +68,14 @@ def sound(table: pa.Table) -> pa.Table:
     """The same table; PyArrow reads texts and names as bytes, and looks at them when asked to.
 
     Raises:
-        ValueError: a text or the name of a column is not UTF-8.
+        ValueError: a text or the name of a column is not UTF-8, or a name is there twice.
     """
     try:
-        _ = table.column_names
+        names = table.column_names
     except UnicodeDecodeError as error:
         raise ValueError("the name of a column is not UTF-8") from error
+    if twice := [name for name in names if names.count(name) > 1]:
+        raise ValueError(f"it has the column {twice[0][:100]} twice")
     table.validate(full=True)
     return table
 
@@ -91,6 +93,8 @@ def read_parquet(path: Path, columns: Sequence[str] | None = None) -> pa.Table:
     no_device(path)
     with path.open("rb") as file:
         try:
-            return sound(pq.read_table(file, columns=None if columns is None else list(columns)))
+            # `pq.read_table` stumbles over names that are there twice
+            with pq.ParquetFile(file) as parquet:
+                return sound(parquet.read(None if columns is None else list(columns)))
         except pa.ArrowException as error:
             raise ValueError(str(error).splitlines()[0]) from error

@@ -8,6 +8,7 @@ from typing import IO, TYPE_CHECKING
 
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.files import no_device
+from ttwmr_mj.results.parquet import sound
 from ttwmr_mj.results.trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -78,12 +79,13 @@ def read_rows(path: Path) -> Trajectory:
             stream = pa.ipc.open_stream(file)
             with suppress(OSError, pa.ArrowException):  # its writer was killed in the middle of one
                 batches.extend(stream)
+            table = sound(pa.Table.from_batches(batches, stream.schema))
     except (OSError, ValueError, pa.ArrowException) as error:
         reason = str(error).splitlines()[0]
         raise InputError(f"cannot be read as a trajectory: {reason}", file=str(path)) from error
-    if not batches:
+    if not table.num_rows:
         raise InputError("there are no rows in it", file=str(path))
-    return Trajectory.of_table(pa.Table.from_batches(batches), str(path))
+    return Trajectory.of_table(table, str(path))
 
 
 def holds_rows(path: Path) -> bool:

@@ -178,12 +178,12 @@ class Trajectory(ArrayFields):
         """The trajectory that `to_table` made a table of.
 
         Args:
-            table: of one simulation.
+            table: of one simulation, `sound`.
             file: where it is from, for the error.
 
         Raises:
-            InputError: it lacks a column or has no rows, a column holds no numbers or, of yes and
-                no, others than 0 and 1, or its times do not increase.
+            InputError: it lacks a column or has no rows, a column holds no numbers, too few or,
+                of yes and no, others than 0 and 1, or its times do not increase.
         """
         names = table.column_names
         # laws of older versions may have a signal that is called theta3_rad
@@ -193,8 +193,6 @@ class Trajectory(ArrayFields):
         if missing := [n for n in known if n not in {*names, *FOOTING}]:
             cut = [*missing[:5], *(["and others"] if missing[5:] else [])]
             raise InputError(f"not a trajectory: it lacks {', '.join(cut)}", file=file)
-        if twice := [name for name in names if names.count(name) > 1]:
-            raise InputError(f"not a trajectory: {twice[0][:100]} is there twice", file=file)
         columns = {name: _numbers(table[name], name, file) for name in names}
         rising = np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0
         if not rising.size or not rising.all() or not np.isfinite(columns["time_s"]).all():
@@ -314,7 +312,11 @@ def _numbers(column: Any, name: str, file: str) -> Any:
 
     kind = column.type
     flags = pa.types.is_boolean(kind)
-    if column.null_count or not (flags or pa.types.is_floating(kind) or pa.types.is_integer(kind)):
-        problem = f"not a trajectory: its column {name[:100]} holds no numbers"
-        raise InputError(problem, file=file)
+    problem = f"not a trajectory: its column {name[:100]}"
+    if not (flags or pa.types.is_floating(kind) or pa.types.is_integer(kind)):
+        raise InputError(f"{problem} holds no numbers, but {str(kind)[:100]}", file=file)
+    if column.null_count:
+        gap = column.is_null().to_numpy().argmax()
+        without = f"is empty in {column.null_count} of {len(column)} rows"
+        raise InputError(f"{problem} {without}, the first of them row {gap}, from 0", file=file)
     return (column if flags else column.cast(pa.float64())).to_numpy()[:, None]

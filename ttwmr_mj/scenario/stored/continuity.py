@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ttwmr_mj.errors import apart
 from ttwmr_mj.results.trajectory import Trajectory, q_names, rate_names
 from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState, wrap
 
@@ -31,15 +32,15 @@ def broken_motion(
     """
     q, rate, time_s = rows.q[:, 0], rows.q_rate[:, 0], rows.time_s
     names = q_names(q.shape[1])
-    if began := _told(names, time_s, q[:1], start.q, np.abs(q[:1] - start.q) > tolerance):
+    if began := told(names, time_s, q[:1], start.q, np.abs(q[:1] - start.q) > tolerance):
         yield f"{began} where its scenario starts"
     led, strayed = _as_rates_lead(q, rate, time_s, tolerance)
-    if went := _told(names, time_s, q, led, strayed):
+    if went := told(names, time_s, q, led, strayed):
         yield f"{went} by its own rates"
     if told_as_it_is:
         true, seen = np.hstack([q, rate]), np.hstack([rows.est_q[:, 0], rows.est_q_rate[:, 0]])
         names = tuple(f"est_{name}" for name in (*names, *rate_names(q.shape[1])))
-        if saw := _told(names, time_s, seen, true, np.abs(seen - true) > tolerance):
+        if saw := told(names, time_s, seen, true, np.abs(seen - true) > tolerance):
             yield f"{saw}, the true state, by its scenario's sensing"
 
 
@@ -71,11 +72,12 @@ def _each(of_p: FloatArray | float, of_angles: FloatArray | float, width: int) -
     return np.where(np.arange(width) < THETA1, of_p, of_angles)
 
 
-def _told(
+def told(
     names: Sequence[str], time_s: FloatArray, got: FloatArray, expected: FloatArray, off: BoolArray
 ) -> str:
     """The first number (n, columns) that is off, and what is expected; empty: none is."""
     if not off.any():
         return ""
     k, i = np.argwhere(off)[0]
-    return f"its column {names[i]} is {got[k, i]:g} at {time_s[k]:g} s, and {expected[k, i]:g}"
+    is_, should = apart(got[k, i], expected[k, i])
+    return f"its column {names[i]} is {is_} at {time_s[k]:g} s, and {should}"

@@ -10,7 +10,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.errors import Fault, InputError, apart
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.results.row_stream import read_run, rows_file
@@ -20,13 +20,13 @@ from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.stored.continuity import broken_motion
+from ttwmr_mj.scenario.stored.wheels import wrong_wheels
 from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.state import FloatArray
 
 # m, rad, and of both in a second: other processors and libraries round otherwise, by some 1e-12,
 # and no motion that differs by less is judged otherwise
 SAME = 1e-6
-MOST_WHEELS = 2
 LARGEST = 1e9  # rad/s and the like; a law's answer may be as large
 TOGETHER = (FOOTING, ("labels_found",))  # NaN in all rows where nothing tells them
 HINT = "the file is damaged, or of another run; run the scenario again"
@@ -93,12 +93,14 @@ class StoredRun:
         yield from self._wrong_times()
         yield from self._wrong_reference()
         yield from self._wrong_values()
+        reached = self.rows.rows(0, self._reached)
         yield from broken_motion(
-            self.rows.rows(0, self._reached),
+            reached,
             initial_state(self.scenario, self.reference),
             SAME,
             told_as_it_is=self.scenario.sensing == TruthSensing(),
         )
+        yield from wrong_wheels(reached, self.scenario, SAME)
 
     def _wrong_times(self) -> Iterator[str]:
         """Rows are one per control period, from 0 to where the run ended."""
@@ -109,7 +111,8 @@ class StoredRun:
         expected_s = period_s * np.arange(count)
         if (wrong := np.abs(time_s - expected_s) > SAME * period_s).any():
             k = int(wrong.argmax())
-            yield f"has a row at {time_s[k]:g} s where its scenario has one at {expected_s[k]:g} s"
+            there, given = apart(time_s[k], expected_s[k])
+            yield f"has a row at {there} s where its scenario has one at {given} s"
         if self.metrics is None:
             return
         # driven by hand and stopped at once, a run has one row and a scenario of one period
@@ -118,8 +121,8 @@ class StoredRun:
             yield f"has {count} of {whole} rows, though metrics.json says that the run was finished"
         beyond_s = self._end_s - time_s[-1]
         if beyond_s > 0.5 * period_s or (self.metrics["status"] == "ok" and -beyond_s > period_s):
-            last = f"ends at {time_s[-1]:g} s"
-            yield f"{last}, though metrics.json says that the run went on until {self._end_s:g} s"
+            last, end = apart(time_s[-1], self._end_s)
+            yield f"ends at {last} s, though metrics.json says that the run went on until {end} s"
 
     def _wrong_reference(self) -> Iterator[str]:
         """It was written beside the rows, and is sampled again."""
@@ -144,7 +147,8 @@ class StoredRun:
             if all(np.isnan(columns[name][:reached]).all() for name in names):
                 unknown.update(names)
         for name, values in columns.items():
-            sound = np.abs(values[:reached]) <= _most(name, rows.q.shape[-1])
+            least, most = _range(name, rows.q.shape[-1])
+            sound = (least <= values[:reached]) & (values[:reached] <= most)
             if name == "measurement_age_s":  # infinite until there is a first measurement
                 sound |= values[:reached] == np.inf
             if not sound.all() and name not in unknown and not name.startswith("ref_"):
@@ -152,13 +156,14 @@ class StoredRun:
                 yield f"its column {name} is {values[k]:g} at {rows.time_s[k]:g} s"
 
 
-def _most(name: str, width: int) -> float:
-    """How large a number of a column may be."""
-    if name in q_names(width):
-        return ESCAPE
-    if name == "height_m":
-        return ESCAPE
-    return MOST_WHEELS if name == "wheels_on_floor" else LARGEST
+def _range(name: str, width: int) -> tuple[float, float]:
+    """Least and largest number of a column."""
+    if name in (*q_names(width), "height_m"):
+        return -ESCAPE, ESCAPE
+    if name == "measurement_age_s":
+        return -SAME, LARGEST
+    counts = {"wheels_on_floor": 2, "labels_found": 2 * (width - 2)}  # two labels on each body
+    return (0, counts[name]) if name in counts else (-LARGEST, LARGEST)
 
 
 def _equal(one: FloatArray, other: FloatArray) -> Any:
