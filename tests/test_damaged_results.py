@@ -301,6 +301,7 @@ def test_a_damaged_recording_is_told(
     [
         ({"x_m": ["a", "b"]}, "its column x_m holds no numbers, but string"),
         ({"x_m": [0.0, None]}, "its column x_m is empty in 1 of 2 rows, the first of them row 1, "),
+        ({"est_x_m": [0.0, -1e308]}, r"its column est_x_m holds -1e\+308"),
         ({"time_s": [0.0, 0.0]}, "its times do not increase"),
         ({"time_s": [0.0, float("nan")]}, "its times do not increase"),
         ({"time_s": [1.0, 0.5]}, "its times do not increase"),

@@ -29,6 +29,7 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
 }
 # arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
 FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
+MOST = 1e100  # of any number but a law's signals: squares and sums of such are still numbers
 PIECE_ROWS = 4_096  # written at a time: an hour in one table takes 80 MB
 WIDEST = 2 + 99  # width of q: files of trains may have angles of two digits
 
@@ -182,8 +183,8 @@ class Trajectory(ArrayFields):
             file: where it is from, for the error.
 
         Raises:
-            InputError: it lacks a column or has no rows, a column holds no numbers, too few or,
-                of yes and no, others than 0 and 1, or its times do not increase.
+            InputError: it lacks a column or has no rows, a column holds no numbers, too few, too
+                large ones or, of yes and no, others than 0 and 1, or its times do not increase.
         """
         names = table.column_names
         # laws of older versions may have a signal that is called theta3_rad
@@ -197,6 +198,11 @@ class Trajectory(ArrayFields):
         rising = np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0
         if not rising.size or not rising.all() or not np.isfinite(columns["time_s"]).all():
             raise InputError("not a trajectory: its times do not increase", file=file)
+        for name in filter(columns.__contains__, known):
+            beyond = np.isfinite(columns[name]) & (np.abs(columns[name]) > MOST)
+            if beyond.any():
+                problem = f"its column {name} holds {columns[name][beyond][0]:g}"
+                raise InputError(f"not a trajectory: {problem}", file=file)
         unknown = np.full((table.num_rows, 1), np.nan)
         columns |= {name: unknown for name in FOOTING if name not in columns}
         rows: dict[str, Any] = {
