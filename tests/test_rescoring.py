@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.errors import InputError, RunError
 from ttwmr_mj.runs.files.folder import write_resolved
-from ttwmr_mj.studies.bench.execute import row_folder, run_suite
+from ttwmr_mj.studies.bench.execute import row_folder, run_suite, stored_row
 from ttwmr_mj.studies.bench.scoring import collect
 from ttwmr_mj.studies.bench.suite import Suite, load_suite, rows_of
 
@@ -129,6 +129,35 @@ def test_rows_are_found_where_suite_files_and_laws_have_moved(tmp_path: Path) ->
     assert rescored(before) == {}
     shutil.copytree(before, after)
     assert rescored(after) == {}
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "cannot be read as a row of a suite: Expecting value"),
+        ('{"seed": NaN}', "cannot be read as a row of a suite: NaN is no finite number"),
+        ("[]", "holds no object"),
+        ("{}", "does not say how the run ended"),
+        ({"run": "ttwmr"}, "run: got 'ttwmr'; allowed: the command of a run"),
+        ({"run": "ttwmr run 'base.toml"}, "run: got "),
+        ({"run": 3}, "run: got 3"),
+        ({"run": None}, "run: got None"),
+        ({"verdict": "followed"}, "does not say how the run ended"),
+    ],
+)
+def test_a_damaged_row_is_told_with_its_file(
+    text: str | dict[str, object], told: str, pair: Path
+) -> None:
+    first, *_ = rows_of(load_suite(str(pair / "suite.toml")))
+    file = row_folder(first, pair / "out") / "row.json"
+    if isinstance(text, dict):
+        text = json.dumps(json.loads(file.read_text()) | text)
+    file.write_text(text)
+    with pytest.raises(InputError) as refused:
+        stored_row(first, pair / "out")
+    assert str(refused.value).startswith(f"{file}: ")
+    assert told in str(refused.value)
+    assert rescored(pair)[first.key].startswith(f"{file}: ")
 
 
 @pytest.mark.slow
