@@ -2,13 +2,13 @@
 
 import os
 import shlex
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any, get_args
 
 from ttwmr_mj.config import frozen
-from ttwmr_mj.errors import Fault, InputError, of_system
+from ttwmr_mj.errors import Fault, InputError, refused, shown
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.accept import Status
 from ttwmr_mj.results.verdict import VERDICTS
@@ -46,7 +46,7 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     Whether the code and the files are still those of that run, only `run_suite` asks.
 
     Raises:
-        ValueError: it is damaged.
+        InputError: it is damaged.
     """
     stored = _read_row(row, folder)
     if stored is None or _wording(stored["run"]) != _wording(row.command()):
@@ -55,7 +55,11 @@ def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
 
 
 def _wording(command: str) -> list[str]:
-    """Words of a row's command; of the scenario, named from any folder, the file's name alone."""
+    """Words of a row's command; of the scenario, named from any folder, the file's name alone.
+
+    Raises:
+        ValueError: it is none.
+    """
     ttwmr, run, scenario, *sets = shlex.split(command)
     return [ttwmr, run, Path(scenario).name, *sets]
 
@@ -64,22 +68,38 @@ def _read_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
     """The row.json that is there; None if none is.
 
     Raises:
-        ValueError: it is damaged.
+        InputError: it is damaged.
     """
     path = row_folder(row, folder) / ROW_FILE
     try:
         stored = read_json(path)
     except FileNotFoundError:
         return None
-    except OSError as error:
-        raise ValueError(of_system(error)) from error
-    known = all(isinstance(stored.get(key), str) for key in ("status", "reason", "verdict", "run"))
+    except (OSError, ValueError) as error:
+        why = refused(error) if isinstance(error, OSError) else error
+        raise InputError(f"cannot be read as a row of a suite: {why}", file=str(path)) from error
+    if faults := list(_faults(stored)):
+        raise InputError(*faults, file=str(path))
+    return stored
+
+
+def _faults(stored: dict[str, Any]) -> Iterator[Fault]:
+    known = all(isinstance(stored.get(key), str) for key in ("status", "reason", "verdict"))
     ended = stored.get("status"), stored.get("verdict")
     # what did not come to its end has that for its verdict
     agree = ended[0] == "ok" or (ended[0] == ended[1] and ended[0] in get_args(Status))
     if not known or ended[1] not in VERDICTS or not agree:
-        raise ValueError(f"{ROW_FILE} does not say how the run ended")
-    return stored
+        yield Fault(problem="does not say how the run ended")
+    if not _is_command(run := stored.get("run")):
+        allowed = "the command of a run, as in 'ttwmr run lab_circle --seed 0'"
+        yield Fault(key=("run",), got=shown(run), allowed=allowed)
+
+
+def _is_command(value: object) -> bool:
+    try:
+        return isinstance(value, str) and bool(_wording(value))
+    except ValueError:
+        return False
 
 
 def _is_done(row: SuiteRow, kept: Kept, folder: Path, timeout_s: float) -> bool:
@@ -89,7 +109,7 @@ def _is_done(row: SuiteRow, kept: Kept, folder: Path, timeout_s: float) -> bool:
     """
     try:
         stored = _read_row(row, folder) if kept.is_done else None
-    except ValueError:
+    except InputError:
         return False
     return stored is not None and not has_more_time(stored["reason"], timeout_s)
 

@@ -1,9 +1,9 @@
 """From run folders to lines of a ranking: scored from stored trajectories, nothing simulated."""
 
 from collections import Counter, defaultdict
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from ttwmr_mj.errors import Fault, InputError, RunError, cut, described, in_brief, in_one_line
 from ttwmr_mj.files import read_json
@@ -18,9 +18,14 @@ from ttwmr_mj.scenario.stored.run import StoredRun
 from ttwmr_mj.studies.bench.execute import ROW_FILE, row_folder, stored_row
 from ttwmr_mj.studies.bench.lines import COLUMNS, Line, Run, ranked, without_repeats
 from ttwmr_mj.studies.bench.suite import AXES, Suite, SuiteRow, rows_of
+from ttwmr_mj.studies.pool.ingredients import differences, digest
+from ttwmr_mj.studies.pool.task import MADE_OF_FILE
 
 TIME_KEY = "control_time_per_sample_us"
-NEEDED = ("scenario.resolved.toml", "trajectory.parquet", "metrics.json")
+SCENARIO_FILE, ROWS_FILE = "scenario.resolved.toml", "trajectory.parquet"
+NEEDED = (SCENARIO_FILE, ROWS_FILE, "metrics.json")
+MOST_KEYS = 4  # told of those in which scenarios differ
+DECIDE = ("kind", "seed", "world")  # keys that others follow from
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,7 +36,8 @@ class Board:
         lines: tasks apart; within one, fewer failures first, then the smaller error.
         rows: how many the suite has.
         made_by: version and commit → rows made by it; all together those that were run.
-        damaged: rows whose files cannot be read, and why; they count as not run.
+        damaged: rows whose files cannot be read, or are of another scenario than the suite gives
+            them now, and why; they count as not run.
     """
 
     lines: list[Line]
@@ -66,7 +72,7 @@ def collect(suite: Suite, folder: Path) -> Board:
     if not groups:
         problem = f"no finished runs of {suite.name} in it"
         raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
-    lines = [_named(_line(group, folder), group[0][0], suite, folder) for group in groups.values()]
+    lines = [_named(_line(group, folder), group[0][0], suite) for group in groups.values()]
     names = {axis: [line.names[axis] for line in lines] for axis in AXES}
     order = {axis: list(dict.fromkeys([*getattr(suite, axis), *names[axis]])) for axis in AXES}
     return Board(ranked(lines, order), len(rows), made_by, damaged)
@@ -80,10 +86,11 @@ def _why(error: Exception) -> str:
 
 
 def told_damaged(damaged: dict[str, str]) -> str:
-    """Which rows cannot be read, and what to do about it."""
+    """Which rows are left out, and what to do about it."""
     count = "1 row is" if len(damaged) == 1 else f"{len(damaged)} rows are"
     lines = (f"  {key}: {reason}" for key, reason in damaged.items())
-    head = f"{count} damaged and left out; without --rescore they are run again:"
+    why = "damaged or of another scenario"
+    head = f"{count} left out, {why}; without --rescore they are run again:"
     return "\n".join([head, *lines])
 
 
@@ -114,22 +121,13 @@ def _line(scored: list[tuple[SuiteRow, Run]], folder: Path) -> Line:
     return without_repeats(line)
 
 
-def _named(line: Line, row: SuiteRow, suite: Suite, folder: Path) -> Line:
+def _named(line: Line, row: SuiteRow, suite: Suite) -> Line:
     """The line with the plant and the sensor that its scenario has, where the suite names none."""
     if left_out := {"plant", "sensing"} - suite.model_fields_set:
-        scenario = _scenario(row, folder)
-        found = {axis: getattr(scenario, axis).kind if scenario else "unknown" for axis in left_out}
+        scenario = row.load()
+        found = {axis: getattr(scenario, axis).kind for axis in left_out}
         return replace(line, names=line.names | found)
     return line
-
-
-def _scenario(row: SuiteRow, folder: Path) -> Scenario | None:
-    """As it was run, or would be; None if neither can be read any more."""
-    resolved = str(row_folder(row, folder) / "scenario.resolved.toml")
-    for name, overrides in ((resolved, ()), (row.scenario, row.overrides)):
-        with suppress(InputError):
-            return load_scenario(name, overrides)
-    return None
 
 
 def _scored(row: SuiteRow, folder: Path) -> Run | None:
@@ -139,22 +137,73 @@ def _scored(row: SuiteRow, folder: Path) -> Run | None:
         return None
     numbers: Metrics = {}
     name, sentence = stored["status"], in_brief(stored["reason"])
-    if name == "ok":
-        into = row_folder(row, folder)
-        try:
-            numbers, verdict = _judged(into)
-        except (OSError, InputError):
-            if all((into / file).is_file() for file in NEEDED):  # there, and damaged
-                raise
-            return None
-        name, sentence = verdict.name, str(verdict)
+    into = row_folder(row, folder)
+    needed = NEEDED if name == "ok" else (SCENARIO_FILE,)
+    try:
+        if name == "ok":
+            numbers, verdict = _judged(into, row)
+            name, sentence = verdict.name, str(verdict)
+        elif (into / SCENARIO_FILE).is_file():  # else it never started
+            _refuse_another(load_scenario(into / SCENARIO_FILE), into, row)
+    except (OSError, InputError):
+        if all((into / file).is_file() for file in needed):  # there, and damaged
+            raise
+        return None
     values = {column: how.of(numbers, row.scored) for column, how in COLUMNS.items()}
     return Run(row.seed, name, sentence, stored["status"] == "ok", values)
 
 
-def _judged(folder: Path) -> tuple[Metrics, Verdict]:
+def _refuse_another(scenario: Scenario, folder: Path, row: SuiteRow) -> None:
+    """Refuse what was run, in its folder, of another scenario than the row's.
+
+    Raises:
+        InputError: with the file's name.
+    """
+    if keys := differences(_comparable(scenario), _comparable(row.load())):
+        keys.sort(key=lambda key: key.rpartition(".")[2] not in DECIDE)
+        more = f" and {len(keys) - MOST_KEYS} more" if len(keys) > MOST_KEYS else ""
+        told = f"differs in {', '.join(keys[:MOST_KEYS])}{more}"
+        problem = f"is not what {row.scenario} and the suite give this row now: {told}"
+        raise InputError(problem, file=str(folder / SCENARIO_FILE))
+
+
+def _comparable(scenario: Scenario) -> Any:
+    """Its values, but for what no number is made of and where files are, which may be moved."""
+    return _without_folders(
+        scenario.model_dump(
+            mode="json",  # in which NaN among a law's options is equal to itself
+            exclude={"name": True, "description": True, "output": True, "controller": {"folder"}},
+        )
+    )
+
+
+def _without_folders(value: Any) -> Any:
+    """The same, absolute paths as the file's name."""
+    if isinstance(value, dict):
+        return {key: _without_folders(item) for key, item in value.items()}
+    return Path(value).name if isinstance(value, str) and Path(value).is_absolute() else value
+
+
+def _refuse_exchanged(file: Path) -> None:
+    """Refuse another file than the run wrote.
+
+    Raises:
+        InputError: with the file's name.
+    """
+    try:
+        written = read_json(file.parent / MADE_OF_FILE)["files"][file.name]
+    except (OSError, ValueError, KeyError, TypeError):
+        return  # nobody knows
+    if written != digest(file):
+        problem = f"is not the one that this run wrote, whose digest is in {MADE_OF_FILE}"
+        raise InputError(problem, file=str(file))
+
+
+def _judged(folder: Path, row: SuiteRow) -> tuple[Metrics, Verdict]:
     """Metrics and verdict of a run, made afresh; the control time is as it was measured."""
     run, said = StoredRun.read(folder), read_metrics(folder / "metrics.json")
+    _refuse_another(run.scenario, folder, row)
+    _refuse_exchanged(folder / ROWS_FILE)
     if said["status"] != "ok" or said[TIME_KEY] is None:
         fault = Fault(problem=f"is not that of a run that came to its end, which {ROW_FILE} tells")
         raise InputError(fault, file=str(folder / "metrics.json"))

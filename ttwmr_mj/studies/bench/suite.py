@@ -140,6 +140,14 @@ class SuiteRow:
         """Name of the row's folder."""
         return "-".join([*(self.names[axis] for axis in AXES), str(self.seed)])
 
+    def load(self) -> Scenario:
+        """Its resolved scenario, recording and figures left out.
+
+        Raises:
+            InputError: it cannot run.
+        """
+        return load_scenario(self.scenario, [*self.overrides, *LEAN], self.seed)
+
     def arguments(self, out: Path) -> list[str]:
         """Of `ttwmr`, to run this row."""
         sets = [word for item in (*self.overrides, *LEAN) for word in ("--set", item)]
@@ -316,7 +324,7 @@ def checked_scenarios(rows: list[SuiteRow]) -> dict[str, Scenario]:
     scenarios, faults, wrong = {}, list[Fault](), 0
     for row in rows:
         try:
-            scenarios[row.key] = load_scenario(row.scenario, [*row.overrides, *LEAN], row.seed)
+            scenarios[row.key] = row.load()
         except InputError as error:
             wrong += 1
             file = f"{error.file}: " if error.file else ""
