@@ -315,3 +315,12 @@ def test_every_shipped_scenario_s_run_is_read(
     said = (tmp_path / "metrics.json").read_bytes()
     assert main(["score", str(tmp_path), "--quiet"]) == 0
     assert (tmp_path / "metrics.json").read_bytes() == said
+
+
+@pytest.mark.parametrize("lag_s", [2e-5, 0.005, 0.1])
+def test_servos_that_lag_behind_are_read(lag_s: float, tmp_path: Path) -> None:
+    """The extended model's rates jump with the acceleration of their setpoints between two rows."""
+    extended = f"{{wheel_radius_m=0.026, track_width_m=0.119, servo_time_constant_s={lag_s}}}"
+    plant = ("plant.kind=analytic", f"plant.analytic.extended={extended}")
+    made(tmp_path, "rest_to_rest", "duration_s=3.0", *plant)
+    assert main(["score", str(tmp_path), "--quiet"]) == 0

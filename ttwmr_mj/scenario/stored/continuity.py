@@ -6,8 +6,12 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from ttwmr_mj.dynamics.extended.parameters import driven_inertia
+from ttwmr_mj.dynamics.kinetics import total_mass
 from ttwmr_mj.errors import apart
 from ttwmr_mj.results.trajectory import Trajectory, q_names, rate_names
+from ttwmr_mj.scenario.schema import Scenario
+from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState, wrap
 
 # How far the mean rate of a period may be from that of its ends: so many times what these differ
@@ -20,32 +24,47 @@ ALIKE = 0.02  # of the way, by errors that are alike in every period, as where r
 
 
 def broken_motion(
-    rows: Trajectory, start: RobotState, tolerance: float, *, told_as_it_is: bool
+    rows: Trajectory, scenario: Scenario, start: RobotState, tolerance: float
 ) -> Iterator[str]:
     """Where rows do not go together, in words: column, time, what it is and what is expected.
 
     Args:
         rows: (n, 1) that were reached, finite.
+        scenario: that they are of.
         start: of one simulation.
         tolerance: of numbers that are the same [m, rad, and of both in a second].
-        told_as_it_is: whether the law is told the true state.
     """
     q, rate, time_s = rows.q[:, 0], rows.q_rate[:, 0], rows.time_s
     names = q_names(q.shape[1])
     if began := told(names, time_s, q[:1], start.q, np.abs(q[:1] - start.q) > tolerance):
         yield f"{began} where its scenario starts"
-    led, strayed = _as_rates_lead(q, rate, time_s, tolerance)
+    led, strayed = _as_rates_lead(q, rate, time_s, tolerance + _lagging(scenario, q.shape[1]))
     if went := told(names, time_s, q, led, strayed):
         yield f"{went} by its own rates"
-    if told_as_it_is:
+    if scenario.sensing == TruthSensing():
         true, seen = np.hstack([q, rate]), np.hstack([rows.est_q[:, 0], rows.est_q_rate[:, 0]])
         names = tuple(f"est_{name}" for name in (*names, *rate_names(q.shape[1])))
         if saw := told(names, time_s, seen, true, np.abs(seen - true) > tolerance):
             yield f"{saw}, the true state, by its scenario's sensing"
 
 
+def _lagging(scenario: Scenario, width: int) -> FloatArray:
+    """(width,) way that the extended model's wheels lag behind at most [m, rad].
+
+    Their rates jump with their setpoints' acceleration, in between two rows, too.
+    """
+    extended, robot = scenario.plant.analytic.extended, scenario.robot
+    if scenario.plant.kind != "analytic" or extended is None:
+        return np.zeros(width)
+    radius_m, servo = extended.wheel_radius_m, robot.servo
+    load = 1.0 + 0.5 * total_mass(robot) * radius_m**2 / driven_inertia(robot)
+    turned = 2.0 * servo.speed_limit_rad_s * extended.servo_time_constant_s * load
+    way_m = radius_m * turned
+    return _each(way_m, 2.0 * way_m / extended.track_width_m, width)
+
+
 def _as_rates_lead(
-    q: FloatArray, rate: FloatArray, time_s: FloatArray, tolerance: float
+    q: FloatArray, rate: FloatArray, time_s: FloatArray, tolerance: FloatArray
 ) -> tuple[FloatArray, BoolArray]:
     """(n, width) where rates lead from the first row on, and which q cannot be from there."""
     period_s = np.diff(time_s)[:, None]

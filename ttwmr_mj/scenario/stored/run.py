@@ -21,7 +21,6 @@ from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.stored.continuity import broken_motion
 from ttwmr_mj.scenario.stored.wheels import wrong_wheels
-from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.state import FloatArray
 
 # m, rad, and of both in a second: other processors and libraries round otherwise, by some 1e-12,
@@ -94,12 +93,8 @@ class StoredRun:
         yield from self._wrong_reference()
         yield from self._wrong_values()
         reached = self.rows.rows(0, self._reached)
-        yield from broken_motion(
-            reached,
-            initial_state(self.scenario, self.reference),
-            SAME,
-            told_as_it_is=self.scenario.sensing == TruthSensing(),
-        )
+        start = initial_state(self.scenario, self.reference)
+        yield from broken_motion(reached, self.scenario, start, SAME)
         yield from wrong_wheels(reached, self.scenario, SAME)
 
     def _wrong_times(self) -> Iterator[str]:
