@@ -183,8 +183,8 @@ def test_mujoco_has_one_door() -> None:
         for line in path.read_text().splitlines()
         if line.strip().startswith(("import mujoco", "from mujoco"))
     }
-    # the second in another process
-    assert doors == {"plants/model/engine.py", "vision/camera/rendering/gl.py"}
+    others = {"plants/model/scene/trial.py", "vision/camera/rendering/gl.py"}  # other processes
+    assert doors == {"plants/model/engine.py", *others}
 
 
 def test_a_variable_is_put_back(monkeypatch: pytest.MonkeyPatch) -> None:
