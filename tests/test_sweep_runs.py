@@ -248,3 +248,33 @@ def test_camera_rows_are_the_runs_of_their_scenarios(tmp_path: Path) -> None:
     metrics = json.loads((run / "metrics.json").read_text())
     assert {name: row[name] for name in NUMBERS} == {name: metrics[name] for name in NUMBERS}
     assert row["estimator_position_rmse_m"] != 0.0
+
+
+STOPPED_AT_A_START = """
+import os, signal, sys, time
+from multiprocessing import forkserver
+from ttwmr_mj.cli.main import main
+
+send, started = forkserver.reduction.sendfds, []
+
+def after_ctrl_c(*given):  # at the second, for which the server listens
+    started.append(given)
+    if len(started) == 2:
+        time.sleep(0.3)
+        os.kill(os.getpid(), signal.SIGINT)
+    return send(*given)
+
+forkserver.reduction.sendfds = after_ctrl_c
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="there is no such server")
+def test_ctrl_c_while_a_process_starts_is_no_traceback(tmp_path: Path) -> None:
+    path = written(tmp_path, CONTACT)
+    sweep = ["sweep", path, "--out", "out", "--quiet", "--chunk", "1", "--workers", "1"]
+    words = [sys.executable, "-c", STOPPED_AT_A_START, *sweep]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "stopped; what is done is kept in out" in done.stderr
+    assert "Traceback" not in done.stderr

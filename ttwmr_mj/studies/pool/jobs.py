@@ -101,7 +101,8 @@ def run_jobs(
         try:
             while True:
                 for job in islice(waiting, at_a_time - len(running)):
-                    running.append(_Process(context, job, next(logs)))
+                    with signals.held_back():  # of a start broken off the server tells a traceback
+                        running.append(_Process(context, job, next(logs)))
                 if not running:
                     return
                 _wait(running)
