@@ -179,7 +179,8 @@ def test_a_stopped_suite_goes_on_where_it_was(finished: Path) -> None:
     while not (gone / "manifest.json").is_file() and time.monotonic() < deadline:
         time.sleep(0.01)
     process.send_signal(signal.SIGINT)
-    assert process.wait(timeout=60) == 1
+    process.communicate(timeout=60)
+    assert process.returncode == 1
     done = bench("suite.toml", "--out", "stopped", cwd=finished)
     assert done.returncode == 0, done.stderr
     again = {path: path.stat().st_mtime_ns for path in finished.glob("stopped/runs/*/row.json")}

@@ -204,12 +204,13 @@ def test_killed_at_any_moment_the_same_command_goes_on(tmp_path: Path) -> None:
             assert sweep.poll() is None
             time.sleep(0.01)
         sweep.kill()
-        sweep.wait()
+        sweep.communicate()
         counts.append(len(list(shards.glob("*/*.parquet"))))
         assert not (tmp_path / "out" / "results.parquet").exists()
     before = {p: p.stat().st_mtime_ns for p in shards.glob("*/*.parquet")}
     sweep = start(*arguments, cwd=tmp_path)
-    assert sweep.wait(timeout=600) == 0
+    sweep.communicate(timeout=600)
+    assert sweep.returncode == 0
     assert {p: p.stat().st_mtime_ns for p in before} == before  # nothing was computed twice
     assert len(list(shards.glob("*/*"))) == 16
     assert digest(tmp_path / "out") == digest(tmp_path / "whole")
