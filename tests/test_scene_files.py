@@ -87,7 +87,7 @@ def test_a_part_of_the_scene_is_looked_into(folder: Path) -> None:
 MISREAD = {  # what is added, and the file beside the scene that it names
     "line break": ('<include file="a\nb.xml"/>', "a\nb.xml", "a line break"),
     "tab": ('<include file="a\tb.xml"/>', "a\tb.xml", "a tab"),
-    "number": ('<include file="a&#10;b.xml"/>', "a\nb.xml", "a letter by its number"),
+    "number": ('<include file="a&#10;b.xml"/>', "a\nb.xml", "a numeric character reference"),
     "folder": ('<compiler meshdir="a\tb"/>', "a\tb", "a tab"),
     "namespace": ('<include xmlns="a" file="ab.xml"/>', "ab.xml", "namespace"),
     "capitals": ('<INCLUDE file="ab.xml"/>', "ab.xml", "asks for a plugin"),

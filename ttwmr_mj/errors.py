@@ -58,7 +58,7 @@ class Fault:
 
     @property
     def where(self) -> str:
-        """The key as it is written: robot.tractor.mass_kg; a word that would not be seen: " "."""
+        """The key as it is written, robot.tractor.mass_kg; blank words of it in quotes."""
         words = (cut(str(word)) for word in self.key)
         return ".".join(word if word.strip() else f'"{word}"' for word in words)
 

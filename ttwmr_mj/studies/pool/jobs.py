@@ -101,7 +101,7 @@ def run_jobs(
         try:
             while True:
                 for job in islice(waiting, at_a_time - len(running)):
-                    with signals.held_back():  # of a start broken off the server tells a traceback
+                    with signals.held_back():  # a start broken off is a traceback of the server
                         running.append(_Process(context, job, next(logs)))
                 if not running:
                     return

@@ -18,7 +18,8 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.vision.calibration.file import load_calibration
 from ttwmr_mj.vision.camera.frame import Frame
-from ttwmr_mj.vision.camera.labels import label_fault, read_layout
+from ttwmr_mj.vision.camera.labels import LabelLayout, label_fault, read_layout
+from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.footage import open_footage
 from ttwmr_mj.vision.log import CameraRecord
 from ttwmr_mj.vision.tracking.options import FREE_MOTION
@@ -74,8 +75,7 @@ def track(
 
     camera = load_calibration(calibration_path).camera
     layout = read_layout(build_model(robot, ContactOptions()))
-    if fault := label_fault(camera, layout, NARROWEST_LABEL_PX):
-        raise InputError(fault, file=str(calibration_path))
+    _refuse_blind(camera, layout, calibration_path)
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
     stopped, pace = False, pace or Pace()
@@ -108,6 +108,12 @@ def _until(faults: list[RunError], frames: Iterator[Frame]) -> Iterator[Frame]:
         yield from frames
     except RunError as fault:
         faults.append(fault)
+
+
+def _refuse_blind(camera: CameraModel, layout: LabelLayout, calibration_path: Path) -> None:
+    """Raise an InputError where this camera cannot see the labels."""
+    if fault := label_fault(camera, layout, NARROWEST_LABEL_PX):
+        raise InputError(fault, file=str(calibration_path))
 
 
 def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: bool) -> Track:

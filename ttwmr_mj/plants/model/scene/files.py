@@ -128,7 +128,9 @@ class _Walk:
         if "<!DOCTYPE" in text:
             raise ValueError("it has a DOCTYPE, which can define entities")
         if any(MISREAD.search(written) for written in WRITTEN_NAME.findall(text)):
-            raise ValueError("a name of a file has a line break, a tab or a letter by its number")
+            raise ValueError(
+                "a name of a file has a line break, a tab or a numeric character reference"
+            )
         root = ElementTree.fromstring(text)
         for element in root.iter():
             if "{" in element.tag:

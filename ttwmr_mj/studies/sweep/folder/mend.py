@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from ttwmr_mj.errors import InputError
+from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import remove
 from ttwmr_mj.results.parquet import parquet_file, sound
 from ttwmr_mj.studies.pool.limits import has_more_time
@@ -19,7 +19,7 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 def mend(folder: Path, plan: Plan) -> list[str]:
     """Delete shards and a table that cannot be read or hold something else; says which."""
-    bad = [shard.path for shard in shards_in(folder, plan) if not is_sound(shard, plan)]
+    bad = [shard.path for shard in shards_in(folder, plan) if not _is_sound(shard, plan)]
     table = folder / RESULTS_FILE
     if table.exists() and not table.is_dir() and not _holds_all(table, plan):
         bad.append(table)
@@ -49,17 +49,29 @@ def drop_late(folder: Path, plan: Plan) -> None:
         shard.path.unlink(missing_ok=True)
 
 
-def is_sound(shard: Shard, plan: Plan) -> bool:
-    """Whether a shard can be read and holds the rows that its name says."""
+def refuse_damaged(shard: Shard, plan: Plan) -> None:
+    """Refuse a shard that cannot be read, or does not hold the rows that its name says.
+
+    Raises:
+        InputError: with the file.
+    """
+    table = shard.read()
+    holds = table.schema.equals(schema_of(plan)) and table.num_rows == shard.count
+    if holds:
+        rows = table["row"].to_numpy()
+        holds = (rows[0], rows[-1]) == (shard.first, shard.last) and (np.diff(rows) > 0).all()
+    if not holds:
+        problem = "the file is damaged: it does not hold the rows that its name says"
+        hint = "delete it, and run its sweep again"
+        raise InputError(Fault(problem=problem, hint=hint), file=str(shard.path))
+
+
+def _is_sound(shard: Shard, plan: Plan) -> bool:
     try:
-        table = shard.read()
+        refuse_damaged(shard, plan)
     except InputError:
         return False
-    if not table.schema.equals(schema_of(plan)) or table.num_rows != shard.count or not len(table):
-        return False
-    rows = table["row"].to_numpy()
-    ends = (rows[0], rows[-1]) == (shard.first, shard.last)
-    return bool(ends and (np.diff(rows) > 0).all())
+    return True
 
 
 def _holds_all(path: Path, plan: Plan) -> bool:

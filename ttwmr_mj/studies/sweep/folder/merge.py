@@ -7,7 +7,7 @@ from pathlib import Path
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.runs.files.lock import locked
-from ttwmr_mj.studies.sweep.folder.mend import is_sound
+from ttwmr_mj.studies.sweep.folder.mend import refuse_damaged
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, refuse_other, stored_plan, write_plan
 from ttwmr_mj.studies.sweep.folder.shards import rows_done, shards_in, write_shard
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -32,11 +32,7 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
         refuse_other(folder, plan, first)
     shards = [shard for folder, plan in plans for shard in shards_in(folder, plan)]
     for shard in shards:
-        shard.read(["row"])
-        if not is_sound(shard, first):
-            problem = "the file is damaged: it does not hold the rows that its name says"
-            hint = "delete it, and run its sweep again"
-            raise InputError(Fault(problem=problem, hint=hint), file=str(shard.path))
+        refuse_damaged(shard, first)
     into.mkdir(parents=True, exist_ok=True)
     with locked(into):
         if target is None:
