@@ -168,13 +168,7 @@ def test_a_stopped_suite_goes_on_where_it_was(finished: Path) -> None:
     made_of["code"]["misbehaving"] = "0" * 16
     (stale / "made_of.json").write_text(json.dumps(made_of))
     command = [sys.executable, "-m", "ttwmr_mj", "bench", "suite.toml", "--out", "stopped"]
-    process = subprocess.Popen(
-        [*command, "--workers", "1"],
-        cwd=finished,
-        stderr=subprocess.PIPE,
-        # a test run in the background of a shell ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    process = subprocess.Popen([*command, "--workers", "1"], cwd=finished, stderr=subprocess.PIPE)
     deadline = time.monotonic() + 60
     while not (gone / "manifest.json").is_file() and time.monotonic() < deadline:
         time.sleep(0.01)

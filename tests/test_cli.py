@@ -307,8 +307,6 @@ def start_long_run(folder: Path) -> subprocess.Popen[bytes]:
         cwd=folder,
         stderr=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
-        # a test run in the background of a shell ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     recording = folder / "out" / "run.rrd"
     deadline = time.monotonic() + 60

@@ -25,24 +25,13 @@ from ttwmr_mj.scenario.file import load_scenario
 UP, DOWN, RIGHT, LEFT = (f"\x1b[{letter}" for letter in "ABCD")
 
 
-def _heed_quit() -> None:
-    """As a terminal's foreground does: what a shell runs in its background ignores it."""
-    signal.signal(signal.SIGQUIT, signal.SIG_DFL)
-
-
 class Terminal:
     """A process whose standard input and output are a terminal that a test types into."""
 
     def __init__(self, command: list[str], folder: Path) -> None:
         self._ours, theirs = pty.openpty()
         self.process = subprocess.Popen(
-            command,
-            cwd=folder,
-            stdin=theirs,
-            stdout=theirs,
-            stderr=theirs,
-            close_fds=True,
-            preexec_fn=_heed_quit,
+            command, cwd=folder, stdin=theirs, stdout=theirs, stderr=theirs, close_fds=True
         )
         os.close(theirs)
         self.said = ""

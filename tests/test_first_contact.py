@@ -116,13 +116,7 @@ def test_bench_that_is_stopped_says_what_is_kept(tmp_path: Path) -> None:
     )
     command = [sys.executable, "-m", "ttwmr_mj", "bench", "suite.toml"]
     with subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
-        # what a shell runs in its background ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, start_new_session=True
     ) as bench:
         for _ in range(600):
             if list(tmp_path.glob("results/bench/*/runs/*")):

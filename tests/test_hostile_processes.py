@@ -205,14 +205,7 @@ def test_signals_reach_the_process_that_runs_the_law(how: str, tmp_path: Path) -
     law_in(tmp_path, "at_command", "open('pid', 'w').write(str(os.getpid())); time.sleep(0.05)")
     line = [*TTWMR, "run", "mine.toml", "--out", "out", "--set=duration_s=60"]
     line += [f"--set={change}" for change in BARE]
-    running = subprocess.Popen(
-        line,
-        cwd=tmp_path,
-        stderr=subprocess.PIPE,
-        text=True,
-        # what a shell runs in its background ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    running = subprocess.Popen(line, cwd=tmp_path, stderr=subprocess.PIPE, text=True)
     pid = tmp_path / "pid"
     while not (pid.exists() and pid.read_text()):
         assert running.poll() is None

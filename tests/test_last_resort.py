@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -295,7 +294,6 @@ def test_a_signal_before_all_is_imported_is_told_in_a_line(module: str, name: st
         capture_output=True,
         text=True,
         check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "ttwmr: stopped\n")
 
@@ -317,10 +315,6 @@ def test_a_signal_anywhere_ends_with_the_exit_code_of_what_was_done(
 ) -> None:
     program = ENDING.format(command="doctor", kind="Doctor", call=call, late=late, words=["doctor"])
     done = subprocess.run(
-        [sys.executable, "-c", program],
-        capture_output=True,
-        text=True,
-        check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+        [sys.executable, "-c", program], capture_output=True, text=True, check=False
     )
     assert (done.returncode, done.stderr) == (code, "ttwmr: stopped\n" if code else "")

@@ -272,14 +272,7 @@ def served(tmp_path: Path) -> Iterator[SimpleNamespace]:
     (tmp_path / "run").mkdir()
     run_scenario(load_scenario("lab_circle", SHORT), tmp_path / "run")
     command = [sys.executable, "-m", "ttwmr_mj", "view", "--web", "run"]
-    with subprocess.Popen(
-        command,
-        cwd=tmp_path,
-        stdout=subprocess.PIPE,
-        text=True,
-        # a test run in the background of a shell ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    ) as process:
+    with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         line = process.stdout.readline()
         ports = [int(word.rpartition(":")[2]) for word in (line.partition("/?")[0],)]

@@ -220,7 +220,6 @@ def test_ctrl_c_of_a_terminal_does_not_reach_the_server_while_it_imports(tmp_pat
         capture_output=True,
         text=True,
         check=False,
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
     )
     assert (done.stdout, done.stderr) == ("set()\n", "")  # and a job hears it again
     assert (tmp_path / "told").read_text() == "up "  # once, by the server

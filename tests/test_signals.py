@@ -10,7 +10,7 @@ import threading
 import time
 import weakref
 from abc import ABCMeta
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib import import_module
 from pathlib import Path
 
@@ -31,16 +31,6 @@ PHASES = {  # what is being done when the signal comes → what is told of what 
     "ttwmr_mj.figures.summary.write_summary": "the run is complete in out, but for its figures",
     "matplotlib.figure.Figure.savefig": "the run is complete in out, but for its figures",
 }
-
-
-@pytest.fixture(autouse=True)
-def as_in_a_terminal() -> Iterator[None]:
-    """What a shell runs in its background ignores SIGINT and SIGQUIT, and under nohup SIGHUP."""
-    before = {n: signal.signal(n, signal.SIG_DFL) for n in (signal.SIGQUIT, signal.SIGHUP)}
-    before[signal.SIGINT] = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    for signum, handler in before.items():
-        signal.signal(signum, handler)
 
 
 ENDS = [signal.SIGINT, signal.SIGQUIT, signal.SIGTERM, signal.SIGHUP, signal.SIGUSR1]

@@ -41,14 +41,7 @@ class Crash(tt.Controller):
 
 def start(*arguments: str, cwd: Path) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "ttwmr_mj", "sweep", *arguments]
-    return subprocess.Popen(
-        command,
-        cwd=cwd,
-        stderr=subprocess.PIPE,
-        text=True,
-        # a test run in the background of a shell ignores SIGINT, and its children inherit that
-        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
-    )
+    return subprocess.Popen(command, cwd=cwd, stderr=subprocess.PIPE, text=True)
 
 
 def rows_of(folder: Path) -> list[dict[str, object]]:
