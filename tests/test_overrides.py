@@ -71,6 +71,12 @@ def test_what_has_more_than_one_line_is_one_value() -> None:
     assert load_scenario("lab_circle", ["description=a = 1\nb = 2"]).description == "a = 1\nb = 2"
 
 
+def test_no_entry_of_an_empty_list_can_be_set() -> None:
+    words = ["plant.pushes=[]", "plant.pushes.0.time_s=1.0"]
+    with pytest.raises(InputError, match=r"the list is empty; set it as a whole"):
+        load_scenario("lab_circle", words)
+
+
 def test_every_place_that_an_override_sets_is_known() -> None:
     told = list(paths_set("robot . trailers=[{mass_kg=1, com_offset_m=2}]"))
     one = "robot.trailers.0"

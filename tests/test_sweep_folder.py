@@ -241,6 +241,19 @@ def test_folders_of_different_plans_are_not_merged(plan: Plan, tmp_path: Path) -
     assert not (tmp_path / "c").exists()
 
 
+def test_a_plan_of_more_rows_than_are_allowed_is_not_merged(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    plan = replace(plan_of(tmp_path, LARGER), seeds=tuple(range(10**5)))
+    write_plan(tmp_path / "a", plan)
+    words = ["sweep", "--merge", str(tmp_path / "a"), "--out", str(tmp_path / "b")]
+    assert main([*words, "--max-rows", str(plan.rows - 1)]) == 2
+    assert f"got {plan.rows} rows; allowed: at most {plan.rows - 1}" in capsys.readouterr().err
+    assert not (tmp_path / "b").exists()
+    assert main([*words, "--max-rows", str(plan.rows)]) == 1
+    assert f"{plan.rows} of {plan.rows} rows are missing" in capsys.readouterr().err
+
+
 def test_a_chunk_that_breaks_is_halved_until_one_row_is_to_blame(
     plan: Plan, tmp_path: Path
 ) -> None:

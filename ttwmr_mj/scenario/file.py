@@ -318,6 +318,8 @@ def _place(container: Any, key: str, where: str) -> Any:
     if isinstance(container, list):
         if (index := whole(key)) is not None and index < len(container):
             return index
+        if not container:
+            raise _unset(where, problem="the list is empty; set it as a whole")
         allowed = f"0 to {len(container) - 1}, as the list has {len(container)} entries"
         raise _unset(where, got=f"index {shown(key)}", allowed=allowed)
     raise _unset(where, problem=f"{key!r} can only be set in a table, and this is a value")

@@ -152,7 +152,7 @@ class Sweep(Quiet, name="sweep"):
                 "--merge", "--out is missing", hint="name the folder to join them in"
             )
         refuse_foreign(self.out)
-        plan = merge(tuple(map(Path, self.merge)), self.out)
+        plan = merge(tuple(map(Path, self.merge)), self.out, self.max_rows)
         if missing := int((~rows_done(self.out, plan)).sum()):
             raise RunError(
                 f"joined in {self.out}, where {missing} of {plan.rows} rows are missing; "

@@ -10,19 +10,21 @@ from ttwmr_mj.runs.files.lock import locked
 from ttwmr_mj.studies.sweep.folder.mend import refuse_damaged
 from ttwmr_mj.studies.sweep.folder.plan_file import PLAN_FILE, refuse_other, stored_plan, write_plan
 from ttwmr_mj.studies.sweep.folder.shards import rows_done, shards_in, write_shard
+from ttwmr_mj.studies.sweep.plan.build import MOST_ROWS, refuse_too_many_rows
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 
 
-def merge(folders: tuple[Path, ...], into: Path) -> Plan:
+def merge(folders: tuple[Path, ...], into: Path, most_rows: int = MOST_ROWS) -> Plan:
     """Bring the shards of folders together in one, which may be one of them.
 
     Args:
         folders: of one plan.
         into: gets copies of what it lacks; need not be there.
+        most_rows: of a plan that is taken.
 
     Raises:
-        InputError: a folder holds no sweep, that of another plan, or a damaged shard, or another
-            process fills the one to join them in; nothing was written.
+        InputError: a folder holds no sweep, that of another plan or of too many rows, or a
+            damaged shard, or another process fills the one to join them in; nothing was written.
     """
     plans = [(folder, _plan_of(folder)) for folder in folders]
     target = stored_plan(into)
@@ -30,6 +32,7 @@ def merge(folders: tuple[Path, ...], into: Path) -> Plan:
     first = replace(every[0], timeout_s=max(plan.timeout_s for plan in every))
     for folder, plan in plans:
         refuse_other(folder, plan, first)
+    refuse_too_many_rows(first, str(folders[0] / PLAN_FILE), most_rows)
     shards = [shard for folder, plan in plans for shard in shards_in(folder, plan)]
     for shard in shards:
         refuse_damaged(shard, first)

@@ -58,26 +58,31 @@ def build_plan(request: SweepRequest, most_rows: int = MOST_ROWS) -> Plan:
         metric=file.metric or "",
         timeout_s=file.timeout_s,
     )
-    _refuse_size(plan, request.source, most_rows)
-    return plan
-
-
-def _refuse_size(plan: Plan, source: str, most_rows: int) -> None:
-    faults = []
-    if plan.rows > most_rows:
-        faults.append(
-            Fault(
-                got=f"{plan.rows} rows",
-                allowed=f"at most {most_rows}",
-                hint="vary less, or raise the limit with --max-rows",
-            )
-        )
+    faults = [*_too_many_rows(plan, most_rows)]
     if plan.sensitivity and not plan.axes:
         faults.append(Fault(key=("sensitivity",), problem="nothing is varied"))
     if plan.sampling != "grid" and not plan.axes:
         faults.append(Fault(key=("samples",), problem="nothing is varied; leave the sampling out"))
     if faults:
+        raise InputError(*faults, file=request.source)
+    return plan
+
+
+def refuse_too_many_rows(plan: Plan, source: str, most_rows: int) -> None:
+    """Refuse a plan of which a table of its rows would not fit.
+
+    Raises:
+        InputError: it has more rows than are allowed.
+    """
+    if faults := _too_many_rows(plan, most_rows):
         raise InputError(*faults, file=source)
+
+
+def _too_many_rows(plan: Plan, most_rows: int) -> list[Fault]:
+    if plan.rows <= most_rows:
+        return []
+    hint = "vary less, or raise the limit with --max-rows"
+    return [Fault(got=f"{plan.rows} rows", allowed=f"at most {most_rows}", hint=hint)]
 
 
 def completed(plan: Plan) -> Plan:
