@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.dynamics.flatness import point_behind
-from ttwmr_mj.results.accept import AcceptOptions
+from ttwmr_mj.results.accept import END_SHARE, AcceptOptions
+from ttwmr_mj.results.curves import start_of_last
 from ttwmr_mj.results.metrics import METRICS, score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.results.verdict import judge
@@ -220,3 +221,12 @@ def test_a_part_of_a_run_is_judged_by_its_own_last_fifth() -> None:
     rows.q[:, 0, 0] = 0.3 * np.maximum(1.0 - rows.time_s / 4.0, 0.0)
     for part in (rows, replace(rows, time_s=rows.time_s + 100.0)):
         assert judge(part, ROBOT, accept=hurried).name == "followed"
+
+
+@pytest.mark.parametrize("n", range(5, 205, 5))
+@pytest.mark.parametrize("start_s", [0.0, 1.7])
+def test_a_sample_at_the_start_of_a_share_of_the_time_belongs_to_it(n: int, start_s: float) -> None:
+    """However its time and the run's were rounded."""
+    time_s = start_s + 0.033 * np.arange(n + 1)
+    assert start_of_last(END_SHARE, time_s) == n - n // 5
+    assert start_of_last(0.5, time_s) == (n + 1) // 2

@@ -18,7 +18,7 @@ from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.joints import HEIGHT
 from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.relief import Relief
-from ttwmr_mj.plants.stance import CENTRES, CONTACTS
+from ttwmr_mj.plants.stance import CENTRES, LOADS
 from ttwmr_mj.results.metrics import score
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Hitch, RobotParameters
@@ -259,7 +259,7 @@ def test_free_fall_is_told_from_standing() -> None:
         stance[:, HEIGHT] -= fallen_m
         stance[:, CENTRES][:, 2::3] -= fallen_m
         if fallen_m:
-            stance[:, CONTACTS] = 0.0
+            stance[:, LOADS] = 0.0
         footing = plant.footing(stance)
         assert footing.wheels_on_floor.tolist() == [wheels]
         assert footing.gone.tolist() == [fallen_m > FLOWN_M]
@@ -283,6 +283,28 @@ def test_tyres_that_slide_are_on_the_ground() -> None:
     rows = tt.simulate(tt.load_scenario("sim_circle", overrides)).trajectory
     assert rows.wheels_on_floor.min() == 2
     assert rows.wheel_slip_m_s.max() > 0.3
+
+
+def test_slip_is_how_much_faster_the_rim_is_than_the_axle() -> None:
+    """At every sample, though a sliding tyre touches the floor at every other step."""
+    segment = "{duration_s=2.0,wheel_right_rad_s=20.0,wheel_left_rad_s=12.0}"
+    overrides = [
+        "robot.servo.preset='fast'",
+        "plant.contact.floor_friction=0.02",
+        "robot.hitch.gimballed=true",
+        f"controller={{kind='open_loop',segments=[{segment}]}}",
+    ]
+    result = tt.simulate(tt.load_scenario("open_loop_turn", ["duration_s=2.0", *overrides]))
+    rows, tractor = result.trajectory, result.scenario.robot.tractor
+    rates, heading = rows.q_rate[:, 0], rows.q[:, 0, 2]
+    forward = rates[:, 0] * np.cos(heading) + rates[:, 1] * np.sin(heading)
+    aside = rates[:, 1] * np.cos(heading) - rates[:, 0] * np.sin(heading)
+    ahead = rates[:, 2, None] * 0.5 * tractor.track_width_m * np.array([1.0, -1.0])
+    along = tractor.wheel_radius_m * rows.wheel_speed_rad_s[:, 0] - forward[:, None] - ahead
+    slip = np.hypot(along, aside[:, None]).max(axis=1)
+    assert slip[1:].min() > 0.03
+    # a deck that nods by a tenth of a millimetre in a step moves the wheels by some mm/s
+    assert np.abs(rows.wheel_slip_m_s[:, 0] - slip).max() < 0.01
 
 
 def test_a_robot_that_stands_is_not_told_of() -> None:

@@ -141,6 +141,7 @@ def test_pairs_count_who_failed_and_who_has_no_number() -> None:
     assert (found.pairs, found.only_ours, found.only_theirs, found.both) == (5, 1, 2, 1)
     assert (found.better, found.worse, found.unknown) == (2, 1, 1)
     assert found.failures.value == pytest.approx(-0.2)
+    assert found.equal == 1
     assert found.favours == 0
     nothing = paired(NONE, NONE, (NONE.astype(bool),) * 2, rng())
     assert nothing.pairs == 0
@@ -195,3 +196,14 @@ def test_sobol_indices_of_few_runs_are_called_not_converged() -> None:
 
 def test_a_number_that_never_varies_has_no_indices() -> None:
     assert sobol_indices(np.ones(64), np.ones(64), np.ones((3, 64)), rng()) is None
+
+
+@pytest.mark.parametrize("where", [0, 1, 2])
+def test_one_run_that_differs_makes_no_indices_that_converge(where: int) -> None:
+    """Of A, of B, or of what is mixed of both."""
+    sets = [np.zeros(64), np.zeros(64), np.zeros((3, 64))]
+    sets[where][..., 7] = 1.0
+    found = sobol_indices(*sets, rng())
+    assert found is not None
+    assert not any(index.converged for index in found)
+    assert np.isfinite([[*index.first, *index.total] for index in found]).all()

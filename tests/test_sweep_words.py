@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 
-from ttwmr_mj.studies.sweep.answers.words import numbers
+from ttwmr_mj.results.statistics import Paired, paired
+from ttwmr_mj.studies.sweep.answers.words import Shown, compared, numbers
 
 
 @pytest.mark.parametrize(
@@ -18,3 +20,25 @@ from ttwmr_mj.studies.sweep.answers.words import numbers
 )
 def test_numbers_of_a_scale_can_be_told_apart(values: list[float], told: list[str]) -> None:
     assert numbers(values) == told
+
+
+def found(better: int, worse: int, equal: int) -> Paired:
+    """Of so many pairs."""
+    difference = np.repeat([-1e-3, 1e-3, 0.0], [better, worse, equal])
+    none = np.zeros(len(difference), bool)
+    return paired(difference, 0.0 * difference, (none, none), np.random.default_rng(1))
+
+
+@pytest.mark.parametrize(
+    ("counts", "told"),
+    [
+        ((40, 0, 10), "one has a smaller error than two, by 1 mm [1, 1] in the median of 50 pairs"),
+        ((0, 40, 10), "two has a smaller error than one, by 1 mm [1, 1] in the median of 50 pairs"),
+        ((30, 2, 60), "one and two have the same error in 60 of 92 pairs on the same draws and"),
+        ((30, 2, 60), "of the other pairs one has the smaller one in 93.8 % [79.2, 99.2]."),
+        ((2, 30, 60), "of the other pairs one has the smaller one in 6.25 % [0.766, 20.8]."),
+        ((20, 19, 60), "one and two do not differ measurably in error: 0 mm [0, 0] in the median"),
+    ],
+)
+def test_of_two_variants_it_is_told_what_differs(counts: tuple[int, int, int], told: str) -> None:
+    assert told in compared("one", "two", found(*counts), Shown("error", 1e3, "mm"))

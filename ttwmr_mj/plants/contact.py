@@ -113,11 +113,11 @@ class ContactPlant(Plant):
     def _standing_on(self, reliefs: list[Relief]) -> Stance:
         """What tells how the robots stand on their grounds."""
         wheels = slice(len(WHEELS))
-        geoms, free = self._touching_geoms[wheels], self._joints.free_qpos
+        geoms = self._touching_geoms[wheels]
         return Stance(
             reliefs,
-            free,
-            self._settled_qpos[:, free + HEIGHT],
+            self._joints,
+            self._settled_qpos[:, self._joints.free_qpos + HEIGHT],
             self._touching[wheels],
             np.array([model.geom_size[geoms].max(axis=1) for model in self.models]),
             self._contact_columns[wheels],
@@ -164,11 +164,12 @@ class ContactPlant(Plant):
         return self._joints.turned_back(pattern)
 
     def stance(self) -> FloatArray:
-        """(nsim, 19) of how the robots stand on the ground, for `footing`."""
-        return self._stance.read(self._qpos, self._sensordata, self._body_position)
+        """(nsim, 23) of how the robots stand on the ground, for `footing`."""
+        told = self._qpos, self._qvel, self._sensordata, self._body_position
+        return self._stance.read(*told)
 
     def footing(self, stance: FloatArray) -> Footing:
-        """How the robots stood, for stances (..., nsim, 19)."""
+        """How the robots stood, for stances (..., nsim, 23)."""
         return self._stance.footing(stance)
 
     def sound(self, stance: FloatArray) -> bool:

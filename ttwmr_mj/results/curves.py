@@ -12,6 +12,8 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, FloatArray, hitch_angles, wrap
 
+SLACK = 1e-9  # of a share of the time, whose ends are rounded
+
 
 def trailer_com(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """(..., 2) the last trailer's COM, of one P − l·(cos θ2, sin θ2) [m]; NaN where θ2 of q is."""
@@ -23,6 +25,12 @@ def centre_of_oscillation(q: FloatArray, robot: RobotParameters) -> FloatArray:
     """(..., 2) F of the last trailer, K behind its hitch on the line through its COM [m]."""
     last = robot.trailers[-1]
     return trailer_point(q, robot, last.swing_length_m, last.lean_rad)
+
+
+def start_of_last(share: float, time_s: FloatArray) -> int:
+    """Number of the first sample of the last share of time (n,); its very start belongs to it."""
+    before_end_s = time_s[-1] - time_s
+    return int(np.argmax(before_end_s <= (share + SLACK) * before_end_s[0]))
 
 
 def require_run(trajectory: object, robot: object) -> None:

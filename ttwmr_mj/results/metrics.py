@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ttwmr_mj.results.accept import SLIPPING_M_S
-from ttwmr_mj.results.curves import Curves, require_rows, require_run
+from ttwmr_mj.results.curves import Curves, require_rows, require_run, start_of_last
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
@@ -251,7 +251,7 @@ def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]
 def _score(rows: Trajectory, robot: RobotParameters) -> Metrics:
     """All metrics of a batch of one."""
     time_s, samples = rows.time_s, _samples(rows, robot)
-    half = int(np.argmax(time_s >= 0.5 * (time_s[0] + time_s[-1])))
+    half = start_of_last(0.5, time_s)
     numbers: Metrics = {}
     for name, metric in METRICS.items():
         start = half if name.startswith("steady_") else 0

@@ -17,7 +17,8 @@ class Indices(NamedTuple):
     Attributes:
         first: share of the variance that it causes alone.
         total: share that goes when it is fixed, with all that it does together with others.
-        converged: whether both intervals are narrow enough to be read.
+        converged: whether both intervals are narrow enough to be read, and all totals together can
+            be the 1 or more that they are of any number that varies.
     """
 
     first: Interval
@@ -42,7 +43,7 @@ def sobol_indices(
     Returns:
         One each; None where the number never varies, so that there is nothing to explain.
     """
-    if np.ptp(np.concatenate([a, b])) == 0.0:
+    if np.ptp(np.concatenate([a, b, *ab])) == 0.0:
         return None
     first, total = _indices(a[None], b[None], ab[:, None])
     n, cut = len(a), round(0.5 * (1.0 - LEVEL) * RESAMPLES)
@@ -56,7 +57,10 @@ def sobol_indices(
         return Interval(float(values[i, 0]), float(draws[i, cut]), float(draws[i, -1 - cut]))
 
     found = [(interval(first, drawn[0], i), interval(total, drawn[1], i)) for i in range(len(ab))]
-    return [Indices(*both, n >= FEWEST and all(map(_narrow, both))) for both in found]
+    # what varies only in rows that the indices give no weight, such as a failure in B, is explained
+    # by nobody, and by any resample alike
+    readable = n >= FEWEST and sum(total.high for _, total in found) >= 1.0 - CONVERGED
+    return [Indices(*both, readable and all(map(_narrow, both))) for both in found]
 
 
 def _narrow(index: Interval) -> bool:
@@ -67,8 +71,13 @@ def _indices(a: FloatArray, b: FloatArray, ab: FloatArray) -> tuple[FloatArray, 
     """First and total indices (parameters, resamples) of a, b (resamples, n), ab with both."""
     both = np.concatenate([a, b], axis=-1)
     mean = both.mean(axis=-1, keepdims=True)
-    # a resample that happens to be constant explains nothing: 0, not 0/0
-    variance = np.maximum(both.var(axis=-1), np.finfo(float).tiny)
-    first = ((b - mean) * (ab - a)).mean(axis=-1) / variance
-    total = 0.5 * ((a - ab) ** 2).mean(axis=-1) / variance
-    return first, total
+    variance = both.var(axis=-1)
+    first = ((b - mean) * (ab - a)).mean(axis=-1)
+    total = 0.5 * ((a - ab) ** 2).mean(axis=-1)
+
+    def share(part: FloatArray) -> FloatArray:
+        """A resample that happens to be constant explains nothing: 0, not 0/0."""
+        varies = variance > 0.0
+        return np.where(varies, part / np.where(varies, variance, 1.0), 0.0)
+
+    return share(first), share(total)

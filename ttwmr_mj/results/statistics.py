@@ -124,6 +124,11 @@ class Paired:
     wins: Interval
 
     @property
+    def equal(self) -> int:
+        """Pairs in which both have the same number."""
+        return self.pairs - self.better - self.worse - self.unknown
+
+    @property
     def favours(self) -> int:
         """−1 where ours is better beyond doubt, 1 where worse, 0 where the interval holds 0."""
         return (self.difference.low > 0.0) - (self.difference.high < 0.0)

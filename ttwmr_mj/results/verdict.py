@@ -20,7 +20,7 @@ import numpy as np
 from ttwmr_mj.errors import InputError, require, shown
 from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
-from ttwmr_mj.results.curves import Curves, require_rows, require_run
+from ttwmr_mj.results.curves import Curves, require_rows, require_run, start_of_last
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
@@ -238,7 +238,7 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
     }
     time_s = rows.time_s
     since_s = time_s - time_s[0]  # of a part of a run, too
-    end = int(np.argmax(since_s >= (1.0 - END_SHARE) * since_s[-1]))
+    end = start_of_last(END_SHARE, time_s)
     for measure, batch in values.items():
         error = batch[:, 0]
         if not np.isfinite(error).any():

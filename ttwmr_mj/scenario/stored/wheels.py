@@ -63,12 +63,10 @@ def _strayed(
         # the extended model's wheels have another radius
         rolls = scenario.plant.analytic.extended is None
         return _differ(speed, rolling, tolerance) & rolls
-    # a tyre that slides touches the floor now and then: only there its slip is told
-    slip_m_s = rows.wheel_slip_m_s
-    touching = (rows.wheels_on_floor == speed.shape[1]) & (slip_m_s > 0.0)
+    standing, slip_m_s = rows.wheels_on_floor == speed.shape[1], rows.wheel_slip_m_s
     radius_m = scenario.robot.tractor.wheel_radius_m
     most_m_s = slip_m_s.max(initial=0.0) + ROUGH_M_S + STEEP * radius_m * np.abs(speed)
-    off = touching & (radius_m * np.abs(speed - rolling) > most_m_s)
+    off = standing & (radius_m * np.abs(speed - rolling) > most_m_s)
     return np.asarray(off & (2 * off.any(axis=1).sum() > len(off)))
 
 

@@ -27,7 +27,13 @@ from ttwmr_mj.studies.sweep.answers.tables import (
     variants_table,
     verdicts_table,
 )
-from ttwmr_mj.studies.sweep.answers.words import Shown, number, parameter_label, said_percent
+from ttwmr_mj.studies.sweep.answers.words import (
+    Shown,
+    compared,
+    number,
+    parameter_label,
+    said_percent,
+)
 from ttwmr_mj.studies.sweep.folder.results import REPORT_FILE, RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Row
 from ttwmr_mj.studies.sweep.words import command_of
@@ -173,26 +179,9 @@ def _sentences(sweep: Sweep, findings: Findings, shown: Shown) -> list[str]:
             f"Of the parameters, {label} explains most alone: "
             f"{number(100 * most.explained)} % of the variance."
         )
-    for pair in findings.pairs:
-        found = pair.found
-        if sweep.headline and found.favours:
-            ahead, behind = (pair.ours, pair.theirs)[:: -found.favours]
-            said.append(
-                f"{ahead} has a smaller {shown.name} than {behind}, by "
-                f"{shown.said(_unsigned(found.difference))} in the median of {found.pairs} pairs "
-                "on the same draws and seeds."
-            )
-        elif sweep.headline:
-            said.append(
-                f"{pair.ours} and {pair.theirs} do not differ measurably in {shown.name}: "
-                f"{shown.said(found.difference)} in the median of {found.pairs} pairs."
-            )
+    if sweep.headline:
+        said += [compared(pair.ours, pair.theirs, pair.found, shown) for pair in findings.pairs]
     return said
-
-
-def _unsigned(difference: Any) -> Any:
-    value, low, high = difference
-    return type(difference)(abs(value), *sorted((abs(low), abs(high))))
 
 
 def _examples(sweep: Sweep) -> list[tuple[str, str]]:

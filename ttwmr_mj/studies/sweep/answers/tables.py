@@ -95,7 +95,11 @@ def pairs_table(findings: Findings, shown: Shown) -> Table:
         cells += [percent(found.failures)]
         cells += [_count(n) for n in (found.only_ours, found.only_theirs, found.both)]
         rows.append(cells)
-    numbers = [f"difference of {shown.label}", "first smaller, %", "no number in either"]
+    numbers = [
+        f"difference of {shown.label}",
+        "first smaller, % of those that differ",
+        "no number in either",
+    ]
     head = ["first − second", "pairs", *(numbers if shown.name else [])]
     head += ["difference of failure rates, %", "first alone failed", "second alone", "both"]
     return Table(head, rows)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from ttwmr_mj.results.statistics import Interval
+from ttwmr_mj.results.statistics import Interval, Paired
 
 UNITS = {
     "n_m_s_rad": "N·m·s/rad",
@@ -130,3 +130,32 @@ def parameter_label(path: str) -> str:
     believed = "believed " if path.startswith("belief.") else ""
     text = " ".join(f"{believed}{owner} {words}".replace("_", " ").split())
     return f"{text} [{UNITS[end]}]" if end else text
+
+
+def compared(ours: str, theirs: str, found: Paired, shown: Shown) -> str:
+    """Which of two variants has the smaller number, if that can be told.
+
+    Args:
+        ours: name of the one.
+        theirs: name of the other.
+        found: what came of their pairs.
+        shown: the number.
+    """
+    if found.favours:
+        ahead, behind = (ours, theirs)[:: -found.favours]
+        value, low, high = found.difference
+        by = Interval(abs(value), *sorted((abs(low), abs(high))))
+        return (
+            f"{ahead} has a smaller {shown.name} than {behind}, by {shown.said(by)} in the median "
+            f"of {found.pairs} pairs on the same draws and seeds."
+        )
+    if not found.wins.low <= 0.5 <= found.wins.high:  # but for what is equal there is a difference
+        return (
+            f"{ours} and {theirs} have the same {shown.name} in {found.equal} of {found.pairs} "
+            f"pairs on the same draws and seeds; of the other pairs {ours} has the smaller one in "
+            f"{said_percent(found.wins)}."
+        )
+    return (
+        f"{ours} and {theirs} do not differ measurably in {shown.name}: "
+        f"{shown.said(found.difference)} in the median of {found.pairs} pairs."
+    )
