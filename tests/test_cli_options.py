@@ -265,6 +265,8 @@ def test_what_is_not_given_has_its_default(words: str) -> None:
         ("compare a --mode sideways", "invalid choice: 'sideways'"),
         ("run a --sped 3", "unrecognized arguments: --sped"),
         ("list lab_circle", "unrecognized arguments: lab_circle"),
+        ("list \x1b[31m", r"unrecognized arguments: \x1b[31m"),
+        ("run a --\x1b[2J=3", r"unrecognized arguments: --\x1b[2J=3"),
     ],
 )
 def test_wrong_words_leave_with_exit_code_2(

@@ -9,13 +9,15 @@ import sys
 import threading
 import time
 import tomllib
+from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import pyarrow.parquet as pq
 import pytest
 from test_hostile_arrays import Still
 
-from ttwmr_mj.controllers.base import Command
+from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.deadline import Deadline, Overrun, limited
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.scenario.file import check_scenario
@@ -125,6 +127,70 @@ def test_who_waits_has_fifteen_times_the_limit_in_rings_of_a_tenth_of_a_second()
     with pytest.raises(Overrun), Deadline(0.1) as deadline:  # noqa: PT012
         for _ in range(16):
             deadline._ring(signal.SIGALRM, None)
+
+
+class Swallower(Still):
+    """Waits for an hour in its start or its third sample, and lets nothing break it off."""
+
+    def __init__(self, where: str) -> None:
+        self._where = where
+
+    def start(self, task: Task) -> None:
+        super().start(task)
+        self._wait(self._where == "start")
+
+    def command(self, k: int, estimate: Estimate) -> Command:
+        self._wait(self._where == "command" and k == 3)
+        return super().command(k, estimate)
+
+    def _wait(self, long: bool) -> None:
+        with suppress(BaseException):
+            time.sleep(3600.0 * long)
+
+
+@pytest.mark.parametrize(
+    ("where", "reason"),
+    [
+        ("start", "controller.start() timed out after 0.05 s"),
+        ("command", "the controller timed out after 0.05 s at its sample at t = 0.099 s"),
+    ],
+)
+def test_a_law_that_swallows_the_end_of_its_waiting_has_failed(where: str, reason: str) -> None:
+    overrides = {"controller_time_limit_s": 0.05, "controller_start_limit_s": 0.05}
+    scenario = experiment("Away").scenario
+    scenario = scenario.model_copy(
+        update={"control": scenario.control.model_copy(update=overrides)}
+    )
+    (outcome,) = Experiment(scenario, controller=Swallower(where)).run().outcomes
+    assert outcome.status == "failed"
+    assert outcome.reason.startswith(reason)
+
+
+class Lingering:
+    """Waits for a minute as it is deleted, or raises at once."""
+
+    def __init__(self, error: Exception | None = None) -> None:
+        self._error = error
+
+    def __del__(self) -> None:
+        if self._error:
+            raise self._error
+        time.sleep(60.0)
+
+
+def test_what_is_broken_off_as_it_is_deleted_is_told_by_its_limit_alone(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    told: list[Any] = []
+    ours = lambda unraisable: told.append(unraisable.exc_type)  # noqa: E731
+    monkeypatch.setattr("sys.unraisablehook", ours)
+    with pytest.raises(Overrun), limited(0.02):
+        Lingering()
+    assert told == []
+    with limited(60.0):
+        Lingering(KeyError())
+    assert told == [KeyError]  # others go where they went
+    assert sys.unraisablehook is ours
 
 
 def test_the_alarm_is_given_back() -> None:

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 import ttwmr_mj
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.files import variable
 from ttwmr_mj.runs.process import machine
 from ttwmr_mj.vision.camera.rendering import gl
@@ -56,6 +57,20 @@ def test_limits_of_the_shell_that_leave_no_room_are_refused(
     assert (done.returncode, done.stderr.count("\n")) == (2, 1)
     assert words in done.stderr
     assert not any(tmp_path.iterdir())
+
+
+def test_a_clock_that_python_cannot_read_is_refused(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def late() -> float:
+        raise OverflowError("timestamp too large to convert to C _PyTime_t")
+
+    monkeypatch.setattr("time.time", late)
+    assert main(["list"]) == 2
+    told = capsys.readouterr().err
+    assert "clock is beyond the year 2262" in told
+    assert "set the clock" in told
+    assert told.count("\n") == 1
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can become somebody else")

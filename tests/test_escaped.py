@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from test_hostile_arrays import law_beside
 
-from ttwmr_mj.cli.commands.bench import _told
+from ttwmr_mj.cli.commands.bench import _told_not_run
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import Fault, InputError, described, in_markdown, of_system
 from ttwmr_mj.runs.execute import run_scenario
@@ -111,7 +111,7 @@ def test_a_reason_of_several_lines_begins_with_the_first(
         (run,) = line.runs
         assert run.sentence.startswith(r"failed at 0.033 s: RuntimeError: boom\x1b[31m\nand more")
         assert len(run.sentence) <= 1000
-    told = _told({"a-row": "one\ntwo\n", "b-row": "one\ntwo\n"})
+    told = _told_not_run({"a-row": "one\ntwo\n", "b-row": "one\ntwo\n"})
     assert told.splitlines()[1:] == [r"  a-row and 1 more: one\ntwo"]
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import tomli_w
 
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
@@ -321,6 +322,16 @@ def test_what_is_kept_is_told(write: Callable[[Path], object], told: str, tmp_pa
     (tmp_path / "out").mkdir()
     write(tmp_path / "out")
     assert told in kept(tmp_path / "out")
+
+
+@pytest.mark.parametrize(("figures", "paper_plots"), [(False, False), (True, False), (False, True)])
+def test_figures_are_missed_where_they_are_wanted(
+    figures: bool, paper_plots: bool, tmp_path: Path
+) -> None:
+    output = {"figures": figures, "paper_plots": paper_plots}
+    (tmp_path / "metrics.json").write_text('{"status": "ok"}')
+    (tmp_path / "scenario.resolved.toml").write_text(tomli_w.dumps({"output": output}))
+    assert ("figures may be missing" in kept(tmp_path)) == (figures or paper_plots)
 
 
 @pytest.mark.slow

@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from recordings import Recording, analytic, circle_reference, contact_run, record, recorder
 
-from ttwmr_mj.errors import RunError
+from ttwmr_mj.errors import MachineError, RunError
 
 
 @pytest.mark.parametrize("plant", ["contact", "analytic"])
@@ -48,6 +48,13 @@ def test_an_exception_leaves_a_complete_file(tmp_path: Path) -> None:
     with warnings.catch_warnings(action="error"):  # a missing footer warns
         read = Recording(path)
     assert len(read.times_ns("/plots/x/true", "Scalars:scalars")) == 20
+
+
+def test_no_recording_begins_before_1970(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ttwmr_mj.recording.stream.rrd_file.time", lambda: -1.0)
+    with pytest.raises(MachineError, match=r"before 1970.*set the clock.*output\.recording=false"):
+        recorder(tmp_path / "run.rrd", circle_reference())
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_nothing_can_be_added_after_closing(tmp_path: Path) -> None:

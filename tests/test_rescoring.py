@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from ttwmr_mj.cli.main import main
-from ttwmr_mj.errors import InputError, RunError
+from ttwmr_mj.errors import InputError
 from ttwmr_mj.runs.files.folder import write_resolved
 from ttwmr_mj.studies.bench.execute import row_folder, run_suite, stored_row
 from ttwmr_mj.studies.bench.scoring import collect
@@ -109,8 +109,39 @@ def test_rows_of_a_task_that_was_edited_since_are_left_out(
         assert f"is not what {pair / 'base.toml'} and the suite give this row now" in line
         assert "initial.x_offset_m, reference.radius_m" in line
     (pair / "base.toml").unlink()
-    with pytest.raises(RunError, match=r"base\.toml: no such scenario file"):
-        rescored(pair)
+    assert ["base.toml: no such scenario file" in why for why in rescored(pair).values()] == [
+        True
+    ] * 4
+
+
+def test_what_was_not_run_and_what_is_left_out_are_told_together(
+    pair: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    words = ["bench", str(pair / "suite.toml"), "--out", str(pair / "out"), "--quiet"]
+    rows = rows_of(load_suite(str(pair / "suite.toml")))
+    stopped, *others = (row.key for row in rows)
+    monkeypatch.setattr(
+        "ttwmr_mj.studies.bench.execute.run_suite", lambda *_, **__: {stopped: "stopped by Ctrl-C"}
+    )
+    for row in rows[:2]:  # the first one since before
+        (row_folder(row, pair / "out") / "row.json").write_text("[]")
+    assert main(words) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert told[0].endswith(
+        "1 row was not run, which is no fault of a law; the same command tries again:"
+    )
+    assert told[1] == f"  {stopped}: stopped by Ctrl-C"
+    assert told[2].startswith("1 row is left out, as what was written is no run of the scenario")
+    assert told[3].startswith(f"  {others[0]}: ")
+    assert len(told) == 4
+    board = (pair / "out" / "leaderboard.md").read_bytes()
+    for row in rows:
+        (row_folder(row, pair / "out") / "row.json").write_text("[]")
+    assert main(words) == 1
+    told = capsys.readouterr().err.splitlines()
+    assert told[2].startswith("3 rows are left out, as what was written is no run of the scenario")
+    assert len(told) == 6
+    assert (pair / "out" / "leaderboard.md").read_bytes() == board  # of when there was something
 
 
 def test_what_changes_no_number_leaves_no_row_out(pair: Path) -> None:

@@ -28,8 +28,8 @@ PHASES = {  # what is being done when the signal comes → what is told of what 
     "ttwmr_mj.runs.execute.metrics_of": "the run is complete in out",
     "ttwmr_mj.results.trajectory.write_parquet": "the run is complete in out",
     "ttwmr_mj.runs.metrics.write_json": "the run is complete in out",
-    "ttwmr_mj.figures.summary.write_summary": "the run is complete in out, but for its figures",
-    "matplotlib.figure.Figure.savefig": "the run is complete in out, but for its figures",
+    "ttwmr_mj.figures.summary.write_summary": "the run is complete in out, figures may be missing",
+    "matplotlib.figure.Figure.savefig": "the run is complete in out, figures may be missing",
 }
 
 

@@ -7,6 +7,7 @@ one while the process is stopped or gets no processor.
 
 import math
 import signal
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,6 +43,7 @@ class Deadline:
     Between `arm` and `disarm`, in the main thread of a system with interval timers, a signal breaks
     the body off wherever its Python code is, an endless loop included. Elsewhere the time is looked
     at when the body returns, and compiled code is not broken off until it returns to Python.
+    A body that swallows what should break it off has overrun all the same.
 
     A hook for new threads (`threading.setprofile`, `settrace`) that the body sets ends with it: the
     next ones are ours.
@@ -63,6 +65,7 @@ class Deadline:
         self._rings = 0
         self._began_s = self._began_cpu_s = 0.0
         self._hooks: tuple[Any, Any] = (None, None)
+        self._tell: Any = None  # the hook for exceptions that have nobody to go to
 
     def arm(self) -> None:
         """Take the alarm signal and its timer, until `disarm`."""
@@ -72,6 +75,7 @@ class Deadline:
             self._due_s = perf_counter() + left_s if left_s else math.inf
             self._outer_limit_s = _board[0]
             self._before = signal.signal(signal.SIGALRM, self._ring) or signal.SIG_DFL
+            self._tell, sys.unraisablehook = sys.unraisablehook, self._tell_others
             self._timed = True
 
     def disarm(self) -> None:
@@ -79,6 +83,7 @@ class Deadline:
         if self._timed:
             signal.setitimer(signal.ITIMER_REAL, 0.0)
             signal.signal(signal.SIGALRM, self._before)
+            sys.unraisablehook = self._tell
             self._timed = False
             _board[0] = self._outer_limit_s
             if self._due_s < math.inf:
@@ -105,7 +110,7 @@ class Deadline:
             threading.settrace(trace)
             threading.setprofile(profile)
         waited = not self._timed and perf_counter() - self._began_s > PATIENCE * self.limit_s
-        if kind is None and (waited or self._computed_too_long()):
+        if kind is None and (waited or self._is_over()):
             raise Overrun
 
     def _ring(self, signum: int, frame: FrameType | None) -> None:
@@ -113,11 +118,17 @@ class Deadline:
         if not self._running:
             return
         self._rings += 1
-        if self._rings * AGAIN_S > PATIENCE * self.limit_s or self._computed_too_long():
+        if self._is_over():
             raise Overrun
 
-    def _computed_too_long(self) -> bool:
-        return thread_time() - self._began_cpu_s > self.limit_s
+    def _is_over(self) -> bool:
+        waited = self._rings * AGAIN_S > PATIENCE * self.limit_s
+        return waited or thread_time() - self._began_cpu_s > self.limit_s
+
+    def _tell_others(self, unraisable: Any) -> None:
+        """Not an Overrun in `__del__`, for instance: the end of the body tells it."""
+        if not isinstance(unraisable.exc_value, Overrun):
+            self._tell(unraisable)
 
 
 def described_within(limit_s: float, error: BaseException) -> str:

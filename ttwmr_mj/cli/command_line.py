@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from typing import Any, NoReturn
 
 from ttwmr_mj.cli import engine, last_resort, supervisor
-from ttwmr_mj.errors import LONGEST_REASON, cut
+from ttwmr_mj.errors import LONGEST_REASON, cut, in_one_line
 from ttwmr_mj.runs.process.signals import WAITING, give_back, handled_by, interrupt
 
 TRY = """three to try:
@@ -46,6 +46,7 @@ def _main(words: Sequence[str] | None) -> int:
             words = last_resort.readable(sys.argv[1:] if words is None else words)
             subcommand = parse(words)
             last_resort.refuse_narrow_limits()
+            last_resort.refuse_late_clock()
             if supervisor.own_process:
                 last_resort.forget_variables()
             debug = supervisor.debug = subcommand.debug
@@ -132,10 +133,10 @@ def _ended_like_ctrl_c() -> Iterator[None]:
 
 
 class _Parser(argparse.ArgumentParser):
-    """Unlike argparse's own, it does not repeat words of any length."""
+    """Unlike argparse's own, it repeats no words of any length, nor what a terminal would obey."""
 
     def error(self, message: str) -> NoReturn:
-        super().error(cut(message, LONGEST_REASON))
+        super().error(in_one_line(cut(message, LONGEST_REASON)))
 
 
 class _Version(argparse.Action):

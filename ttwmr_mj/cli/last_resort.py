@@ -7,6 +7,7 @@ import io
 import os
 import sys
 import threading
+import time
 from collections.abc import Sequence
 from types import ModuleType
 from typing import Any, TextIO
@@ -143,6 +144,21 @@ def refuse_narrow_limits() -> None:
             f"(ulimit -u), and there is no room for {needed} more, which are needed; "
             f"`ulimit -u {MANY}` raises the limit"
         )
+
+
+def refuse_late_clock() -> None:
+    """Refuse a clock that Python cannot read: the first library that asks for the time would fail.
+
+    Raises:
+        MachineError: with what to do.
+    """
+    try:
+        time.time()
+    except OverflowError as error:
+        raise MachineError(
+            "this machine's clock is beyond the year 2262, where Python cannot tell the time; set "
+            "the clock"
+        ) from error
 
 
 def _can_start(count: int) -> bool:

@@ -10,6 +10,7 @@ from ttwmr_mj.cli.shared import Quiet, kept_in, warn
 from ttwmr_mj.errors import RunError, in_brief
 
 if TYPE_CHECKING:
+    from ttwmr_mj.studies.bench.scoring import Board
     from ttwmr_mj.studies.bench.suite import Suite
 
 
@@ -28,9 +29,7 @@ class Bench(Quiet, name="bench"):
 
     def __call__(self) -> int:
         from ttwmr_mj.runs.files.folder import results_folder
-        from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
-        from ttwmr_mj.studies.bench.page import write_page
-        from ttwmr_mj.studies.bench.scoring import collect, told_damaged
+        from ttwmr_mj.studies.bench.scoring import collect
         from ttwmr_mj.studies.bench.suite import load_suite, rows_of
 
         suite = load_suite(self.suite, self.max_rows)
@@ -45,16 +44,15 @@ class Bench(Quiet, name="bench"):
             if not self.rescore:
                 not_run = self._run(suite, folder)
                 if len(not_run) == count:
-                    raise RunError(_told(not_run))
+                    raise RunError(_told_not_run(not_run))
             board = collect(suite, folder)
-            title = f"{suite.name}: {suite.description}" if suite.description else suite.name
-            write_leaderboard(board, folder, title)
-            write_page(board, folder, title)
-        print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
-        if not_run:
-            raise RunError(_told(not_run))
-        if board.damaged:
-            raise RunError(told_damaged(board.damaged))
+            if board.lines:
+                self._show(board, suite, folder)
+        left_out = {key: why for key, why in board.damaged.items() if key not in not_run}
+        faults = [_told_not_run(not_run)] if not_run else []
+        faults += [_told_left_out(left_out, self.rescore)] if left_out else []
+        if faults:
+            raise RunError("\n".join(faults))
         return 0
 
     def _run(self, suite: Suite, folder: Path) -> dict[str, str]:
@@ -67,8 +65,18 @@ class Bench(Quiet, name="bench"):
         with progress_bar(suite.name, count, "runs", self.quiet) as progress:
             return run_suite(suite, folder, workers=self.workers, progress=progress, told=told)
 
+    def _show(self, board: Board, suite: Suite, folder: Path) -> None:
+        """The ranking, as files and on the terminal."""
+        from ttwmr_mj.studies.bench.leaderboard import to_summary, write_leaderboard
+        from ttwmr_mj.studies.bench.page import write_page
 
-def _told(not_run: dict[str, str]) -> str:
+        title = f"{suite.name}: {suite.description}" if suite.description else suite.name
+        write_leaderboard(board, folder, title)
+        write_page(board, folder, title)
+        print(folder if self.quiet else f"{to_summary(board, title)}\nwritten to {folder}")
+
+
+def _told_not_run(not_run: dict[str, str]) -> str:
     """Which rows were not run, in a line for each reason."""
     reasons: dict[str, list[str]] = {}
     for key, reason in not_run.items():
@@ -80,3 +88,16 @@ def _told(not_run: dict[str, str]) -> str:
     count = "1 row was" if len(not_run) == 1 else f"{len(not_run)} rows were"
     head = f"{count} not run, which is no fault of a law; the same command tries again:"
     return "\n".join([head, *lines])
+
+
+def _told_left_out(left_out: dict[str, str], rescored: bool) -> str:
+    """Which rows are not scored, and what to do about it."""
+    count = "1 row is" if len(left_out) == 1 else f"{len(left_out)} rows are"
+    why = (
+        "as what was written is no run of the scenario; if a law changes what computes or writes "
+        "it, mend the law"
+    )
+    if rescored:
+        why = "damaged or of another scenario; without --rescore they are run again"
+    lines = (f"  {key}: {reason}" for key, reason in left_out.items())
+    return "\n".join([f"{count} left out, {why}:", *lines])

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from contextlib import nullcontext, suppress
 from pathlib import Path
+from time import time
 from typing import TYPE_CHECKING, Self
 from uuid import uuid4
 
@@ -12,7 +13,7 @@ import rerun as rr
 import rerun.blueprint as rrb
 import rerun_bindings
 
-from ttwmr_mj.errors import InputError, RunError, refused
+from ttwmr_mj.errors import InputError, MachineError, RunError, refused
 from ttwmr_mj.files import variable
 from ttwmr_mj.recording.layout import REPORT
 from ttwmr_mj.recording.stream.outlet import Outlet
@@ -41,6 +42,7 @@ class RrdFile:
     Raises:
         InputError: the file cannot be created.
         RunError: its folder is gone.
+        MachineError: the clock is before 1970.
     """
 
     def __init__(
@@ -52,6 +54,11 @@ class RrdFile:
         *,
         footer: bool = True,
     ) -> None:
+        if time() < 0.0:  # Rerun would panic
+            raise MachineError(
+                "this machine's clock is before 1970, and no recording can begin there; set the "
+                "clock, or leave the recording out (output.recording=false)"
+            )
         rr.set_strict_mode(True)  # else wrong calls only warn
         with variable("RERUN", None):  # off: it would write nothing; `output.recording` decides
             self._stream = rr.RecordingStream(

@@ -9,7 +9,7 @@ from glob import glob
 from pathlib import Path
 
 from ttwmr_mj.errors import InputError, is_of_input, refused, to_copy
-from ttwmr_mj.files import drafts, read_json
+from ttwmr_mj.files import drafts, read_json, read_toml
 from ttwmr_mj.results.row_stream import ROWS_FILE, holds_rows
 from ttwmr_mj.runs.files.lock import NAME as LOCK
 from ttwmr_mj.runs.files.lock import locked
@@ -88,7 +88,7 @@ def kept(folder: Path) -> str:
     if not folder.is_dir():
         return f"{folder} is gone, with all that was in it"
     if _is_complete(folder):
-        return f"the run is complete in {folder}, but for its figures"
+        return f"the run is complete in {folder}{', figures may be missing' * _draws(folder)}"
     if not is_recorded(folder):
         return "nothing was recorded"
     if not any(folder.glob("trajectory.*")):
@@ -101,6 +101,15 @@ def _is_complete(folder: Path) -> bool:
         return bool(read_json(folder / "metrics.json")["status"] == "ok")
     except (OSError, ValueError, KeyError, TypeError):
         return False
+
+
+def _draws(folder: Path) -> bool:
+    """Whether figures are wanted of the run."""
+    try:
+        output = read_toml(folder / "scenario.resolved.toml")["output"]
+        return bool(output["figures"] or output["paper_plots"])
+    except (InputError, KeyError, TypeError):
+        return True
 
 
 def is_recorded(folder: Path) -> bool:

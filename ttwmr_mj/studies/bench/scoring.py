@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError, RunError, cut, described, in_brief, in_one_line
+from ttwmr_mj.errors import Fault, InputError, cut, described, in_brief, in_one_line
 from ttwmr_mj.files import read_json
 from ttwmr_mj.results.metrics import Metrics, score
 from ttwmr_mj.results.metrics_file import read_metrics
@@ -52,8 +52,7 @@ def collect(suite: Suite, folder: Path) -> Board:
     A row whose files vanish meanwhile, as of one that is run again, is not finished.
 
     Raises:
-        InputError: there is no finished row.
-        RunError: there are some, and all are damaged.
+        InputError: there is no finished row, and no damaged one.
     """
     rows, damaged = rows_of(suite), dict[str, str]()
     groups: dict[tuple[str, ...], list[tuple[SuiteRow, Run]]] = defaultdict(list)
@@ -67,9 +66,7 @@ def collect(suite: Suite, folder: Path) -> Board:
         if scored is not None:
             groups[tuple(row.names[axis] for axis in AXES)].append((row, scored))
             made_by[maker_of(row_folder(row, folder))] += 1
-    if not groups and damaged:
-        raise RunError(told_damaged(damaged))
-    if not groups:
+    if not groups and not damaged:
         problem = f"no finished runs of {suite.name} in it"
         raise InputError.at("--out", problem, got=str(folder), hint="run the suite first")
     lines = [_named(_line(group, folder), group[0][0], suite) for group in groups.values()]
@@ -83,15 +80,6 @@ def _why(error: Exception) -> str:
     if isinstance(error, InputError):
         return "; ".join(line.strip() for line in str(error).splitlines())
     return in_brief(described(error))
-
-
-def told_damaged(damaged: dict[str, str]) -> str:
-    """Which rows are left out, and what to do about it."""
-    count = "1 row is" if len(damaged) == 1 else f"{len(damaged)} rows are"
-    lines = (f"  {key}: {reason}" for key, reason in damaged.items())
-    why = "damaged or of another scenario"
-    head = f"{count} left out, {why}; without --rescore they are run again:"
-    return "\n".join([head, *lines])
 
 
 def maker_of(folder: Path) -> str:
