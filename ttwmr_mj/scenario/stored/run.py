@@ -19,6 +19,7 @@ from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.stored.continuity import broken_motion
+from ttwmr_mj.scenario.stored.estimates import wrong_estimates
 from ttwmr_mj.scenario.stored.resolved import read_resolved
 from ttwmr_mj.scenario.stored.wheels import wrong_wheels
 from ttwmr_mj.state import FloatArray
@@ -95,6 +96,7 @@ class StoredRun:
         reached = self.rows.rows(0, self._reached)
         start = initial_state(self.scenario, self.reference)
         yield from broken_motion(reached, self.scenario, start, SAME)
+        yield from wrong_estimates(reached, self.scenario, SAME)
         yield from wrong_wheels(reached, self.scenario, SAME)
 
     def _wrong_times(self) -> Iterator[str]:
