@@ -107,6 +107,13 @@ def test_what_the_law_is_told_is_the_state_where_nothing_is_between(
     assert (folder / "metrics.json").read_bytes() == before
 
 
+def test_no_law_is_blind_without_a_camera(runs: Path, tmp_path: Path) -> None:
+    folder = shutil.copytree(runs / "all", tmp_path / "run")
+    edit(folder, of(("est_valid",), lambda v: v * (np.arange(len(v)) < 20)))
+    with pytest.raises(InputError, match=r"est_valid is 0 at 0\.66 s, and 1 in all runs without"):
+        StoredRun.read(folder)
+
+
 @pytest.mark.parametrize("channel", CHANNELS)
 def test_what_laws_are_told_is_read_whatever_the_seed(channel: str) -> None:
     read(scenario_of("lab_circle", "plant.kind=analytic", *CHANNELS[channel]), nsim=20)

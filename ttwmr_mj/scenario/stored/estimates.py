@@ -37,6 +37,9 @@ def wrong_estimates(rows: Trajectory, scenario: Scenario, tolerance: float) -> I
     off = np.abs(seen - nearest) > tolerance
     if saw := told([f"est_{name}" for name in names], rows.time_s, seen, nearest, off):
         yield f"{saw} is the nearest that its scenario's sensing can tell"
+    valid = rows.est_valid.astype(float)
+    if blinded := told(["est_valid"], rows.time_s, valid, np.ones_like(valid), valid < 1.0):
+        yield f"{blinded} in all runs without a camera"
 
 
 def _told_of(
