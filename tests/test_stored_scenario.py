@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -70,3 +71,13 @@ def test_a_resolved_scenario_of_which_values_are_left_out_still_runs(folder: Pat
     text = (folder / FILE).read_text()
     (folder / FILE).write_text(text[: text.index("[accept]")])
     assert tt.load_scenario(folder / FILE).accept.end_theta2_rad != 1e-4
+
+
+def test_a_pipe_in_its_place_is_not_waited_for(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / FILE).unlink()
+    os.mkfifo(folder / FILE)
+    for words in (["score", str(folder)], ["video", str(folder), "-o", f"{folder}.mp4"]):
+        assert main([*words, "--quiet"]) == 2
+        assert FILE in capsys.readouterr().err

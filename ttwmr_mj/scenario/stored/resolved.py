@@ -8,7 +8,7 @@ from typing import Any
 
 from ttwmr_mj.errors import Fault, InputError
 from ttwmr_mj.files import parse_toml
-from ttwmr_mj.scenario.file import check_scenario, dump_scenario, read_scenario
+from ttwmr_mj.scenario.file import check_scenario, dump_scenario, find_scenario, read_scenario
 from ttwmr_mj.scenario.schema import Scenario
 
 FIRST = 3  # keys that are told of those that are missing
@@ -24,7 +24,7 @@ def read_resolved(file: Path) -> Scenario:
     Raises:
         InputError: it cannot be read as a scenario, or lacks values, which defaults would replace.
     """
-    data = read_scenario(file)
+    data = read_scenario(find_scenario(str(file)))  # which waits for no pipe
     scenario = check_scenario(data, str(file), file.parent)
     missing = list(_missing(parse_toml(dump_scenario(scenario)), data))
     if not missing and file.read_bytes().endswith(b"\n"):
