@@ -214,3 +214,19 @@ def test_a_scenes_camera_that_cannot_see_the_labels_is_refused(
     scene.write_text(text)
     given = ["--set", f"plant.contact.model_path={scene}"]
     assert told in _refused("lab_circle_camera", given, key, tmp_path, capsys)
+
+
+def test_whether_a_camera_can_be_calibrated_is_left_to_the_run(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text = SCENARIO.partition("[controller]")[0] + '[controller]\nkind = "lyapunov"\n'
+    file, out = tmp_path / "mine.toml", tmp_path / "out"
+    hung = "{ height_m = 20.0, width_px = 160, height_px = 120 }"
+    file.write_text(f'{text}[sensing]\nkind = "camera"\ncamera = {hung}\n')
+    assert main(["validate", str(file)]) == 0
+    assert "valid (whether its camera can be calibrated, a run finds out" in capsys.readouterr().out
+    assert main(["run", str(file), "--out", str(out)]) == 2
+    assert "before a run the camera is calibrated" in capsys.readouterr().err
+    assert not out.exists()
+    assert main(["validate", "lab_circle_camera"]) == 0
+    assert capsys.readouterr().out == "lab_circle_camera: valid\n"

@@ -302,7 +302,9 @@ def test_a_run_that_was_driven_by_hand_is_read(count: int, tmp_path: Path) -> No
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("overrides", [(), ("world=unkind",), ("plant.kind=analytic",)])
+@pytest.mark.parametrize(
+    "overrides", [(), ("world=lab",), ("world=unkind",), ("plant.kind=analytic",)]
+)
 @pytest.mark.parametrize("name", sorted(path.stem for path in scenarios_folder().glob("*.toml")))
 def test_every_shipped_scenario_s_run_is_read(
     name: str, overrides: tuple[str, ...], tmp_path: Path

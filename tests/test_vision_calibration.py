@@ -170,6 +170,10 @@ def test_numbers_of_a_calibration_that_no_camera_has_are_refused(
             {"distortion": np.array([-1.9, 0.05, 0.0, 0.0, 0.0])},
             "got k1 = -1.9, .* folds the image",
         ),
+        (
+            {"distortion": np.array([1e5, 0.05, 0.0, 0.0, 0.0])},
+            "distortion_coefficients: got k1 = 100000, .* reaches 0.029 times as far as without",
+        ),
     ],
 )
 def test_a_camera_that_cannot_look_at_the_floor_is_refused(

@@ -70,8 +70,8 @@ class TruthSensing(SensingOptions):
     )
 
 
-def _noise_std(options: TruthSensing) -> FloatArray:
-    """(2, 4) standard deviations of the noise in q and its rate."""
+def noise_std(options: TruthSensing) -> FloatArray:
+    """(2, 4) standard deviations of the noise in q and its rate; more trailers are as the first."""
     position, angle = options.position_noise_m, options.angle_noise_rad
     velocity, rate = options.velocity_noise_m_s, options.rate_noise_rad_s
     return np.array([[position, position, angle, angle], [velocity, velocity, rate, rate]])
@@ -214,7 +214,7 @@ class TruthSensor(Sensor):
         self._queue = MeasurementQueue[RobotState](options, period_s, channel, told_latency_s)
         self._period_s = period_s
         self._rngs = rngs
-        self._noise = each(_noise_std, options)
+        self._noise = each(noise_std, options)
         self._noisy = bool(self._noise.any())
         self._drawn: FloatArray = np.zeros(0)  # (nsim, NOISE_BLOCK, 2, 3 + n)
         self._fresh = np.zeros(len(rngs))

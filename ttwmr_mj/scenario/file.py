@@ -334,9 +334,10 @@ def dump_scenario(scenario: Scenario) -> str:
     data = scenario.model_dump(mode="json")
     if isinstance(scenario.controller, CustomOptions):  # they may be what JSON lacks: inf, dates
         data["controller"]["options"] = scenario.controller.options
-    believed = {key: value for key, value in data.pop("belief").items() if value not in ({}, None)}
-    if believed:  # a table that is empty would read as if something were believed
-        data["belief"] = believed
+    belief = data["belief"]
+    data["belief"] = believed = {k: v for k, v in belief.items() if v not in ({}, None)}
+    if not believed:  # a table that is empty would read as if something were believed
+        del data["belief"]
     return tomli_w.dumps(_without_none(data))
 
 

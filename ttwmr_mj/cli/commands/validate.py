@@ -62,9 +62,17 @@ class Validate(Overrides, name="validate"):
                 refuse_unbuildable(scenario, file.parent)
         except InputError as error:
             raise InputError(*error.faults, file=error.file or str(file)) from error
-        law = ""
+        print(f"{printable(name)}: valid{self._left_out(scenario)}")
+
+    def _left_out(self, scenario: Scenario) -> str:
+        """What only a run finds out, in brackets; empty: nothing."""
+        left = []
         if scenario.controller.kind == "custom":
             read = "read, not run; --load imports and starts it"
             done = "imported and started" if self.run_code else read
-            law = f" ({getattr(scenario.controller, 'target', '')} was {done})"
-        print(f"{printable(name)}: valid{law}")
+            left.append(f"{getattr(scenario.controller, 'target', '')} was {done}")
+        if scenario.sensing.kind == "camera" and scenario.sensing.calibration_path is None:
+            left.append(
+                "whether its camera can be calibrated, a run finds out before its first row"
+            )
+        return f" ({'; '.join(left)})" if left else ""

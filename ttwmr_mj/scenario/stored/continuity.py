@@ -9,9 +9,8 @@ import numpy as np
 from ttwmr_mj.dynamics.extended.parameters import driven_inertia
 from ttwmr_mj.dynamics.kinetics import total_mass
 from ttwmr_mj.errors import apart
-from ttwmr_mj.results.trajectory import Trajectory, q_names, rate_names
+from ttwmr_mj.results.trajectory import Trajectory, q_names
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.sensing import TruthSensing
 from ttwmr_mj.state import THETA1, BoolArray, FloatArray, RobotState, wrap
 
 # How far the mean rate of a period may be from that of its ends: so many times what these differ
@@ -41,11 +40,6 @@ def broken_motion(
     led, strayed = _as_rates_lead(q, rate, time_s, tolerance + _lagging(scenario, q.shape[1]))
     if went := told(names, time_s, q, led, strayed):
         yield f"{went} by its own rates"
-    if scenario.sensing == TruthSensing():
-        true, seen = np.hstack([q, rate]), np.hstack([rows.est_q[:, 0], rows.est_q_rate[:, 0]])
-        names = tuple(f"est_{name}" for name in (*names, *rate_names(q.shape[1])))
-        if saw := told(names, time_s, seen, true, np.abs(seen - true) > tolerance):
-            yield f"{saw}, the true state, by its scenario's sensing"
 
 
 def _lagging(scenario: Scenario, width: int) -> FloatArray:

@@ -15,11 +15,12 @@ from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.results.metrics_file import read_metrics
 from ttwmr_mj.results.row_stream import read_run, rows_file
 from ttwmr_mj.results.trajectory import FOOTING, Trajectory, q_names
-from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.scenario.limits import ESCAPE
 from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.stored.continuity import broken_motion
+from ttwmr_mj.scenario.stored.estimates import wrong_estimates
+from ttwmr_mj.scenario.stored.resolved import read_resolved
 from ttwmr_mj.scenario.stored.wheels import wrong_wheels
 from ttwmr_mj.state import FloatArray
 
@@ -52,10 +53,10 @@ class StoredRun:
         """Read a run folder.
 
         Raises:
-            InputError: it is none, or its rows cannot be read or be of its scenario; with the
-                file's name.
+            InputError: it is none, its scenario is not whole, or its rows cannot be read or be of
+                it; with the file's name.
         """
-        scenario = load_scenario(str(folder / "scenario.resolved.toml"))
+        scenario = read_resolved(folder / "scenario.resolved.toml")
         metrics = None
         with suppress(InputError):
             metrics = read_metrics(folder / "metrics.json")
@@ -95,6 +96,7 @@ class StoredRun:
         reached = self.rows.rows(0, self._reached)
         start = initial_state(self.scenario, self.reference)
         yield from broken_motion(reached, self.scenario, start, SAME)
+        yield from wrong_estimates(reached, self.scenario, SAME)
         yield from wrong_wheels(reached, self.scenario, SAME)
 
     def _wrong_times(self) -> Iterator[str]:

@@ -1,15 +1,18 @@
 """What no camera over the floor is, whoever says so: a file, or views of a board."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from ttwmr_mj.errors import Fault
-from ttwmr_mj.vision.camera.lens import fold_fault
+from ttwmr_mj.vision.camera.lens import fold_fault, lens_fault
 from ttwmr_mj.vision.camera.model import CameraModel
 
 MOST_FOCAL_PX = 1e6
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
 MOST_ASPECT = 3.0  # of fx and fy: pixels of old video formats are twice as wide as high
 MOST_BESIDE = 1.0  # of the picture's size, how far beyond its edge the principal point may be
+LEAST_SHOWN = 1.0 / 3.0  # of how far a picture reaches without distortion; real lenses 0.7 or more
 MATRIX, ROTATION = ("camera_matrix",), ("rotation_world_to_camera",)
 
 
@@ -51,5 +54,22 @@ def _place_fault(camera: CameraModel) -> Fault | None:
 
 
 def _lens_fault(camera: CameraModel) -> Fault | None:
-    fault = fold_fault(camera)
+    fault = fold_fault(camera) or _squeezed_fault(camera)
     return fault and fault.within("distortion_coefficients")
+
+
+def _squeezed_fault(camera: CameraModel) -> Fault | None:
+    """Why a lens shows too little; what shows more than without distortion is a wide one."""
+    size = np.array([camera.width_px, camera.height_px])
+    corners = np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * (size - 1.0)
+    without = replace(camera, distortion=np.zeros(5))
+    reach, plain = (
+        np.linalg.norm(view.to_tangents(corners), axis=-1).max() for view in (camera, without)
+    )
+    if reach >= LEAST_SHOWN * plain:
+        return None
+    problem = (
+        f"with this distortion the picture reaches {reach / plain:.2g} times as far as without; "
+        f"lenses reach at least {LEAST_SHOWN:.2g} times"
+    )
+    return lens_fault(camera, problem)

@@ -96,10 +96,17 @@ def fold_fault(camera: CameraModel) -> Fault | None:
     """Why a lens cannot be used, or None: rays through it are found for one pixel each."""
     if not camera.folds:
         return None
+    return lens_fault(
+        camera, "this distortion folds the image: near the border a pixel has no unique ray"
+    )
+
+
+def lens_fault(camera: CameraModel, problem: str) -> Fault:
+    """What is wrong with a lens, and the numbers that make it so."""
     coefficients = ", ".join(map("{} = {:g}".format, DISTORTION, camera.distortion))
     fx, fy = camera.focal_px
     return Fault(
-        problem="this distortion folds the image: near the border a pixel has no unique ray",
+        problem=problem,
         got=f"{coefficients} at focal lengths of {fx:g} and {fy:g} px",
         allowed="weaker coefficients, or a longer focal length",
     )
