@@ -4,7 +4,7 @@ from pathlib import Path
 
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.controllers.shared.source import inspected
+from ttwmr_mj.controllers.shared.own.source import inspected
 from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
