@@ -8,7 +8,13 @@ import numpy as np
 import pytest
 
 from ttwmr_mj.controllers.shared.optimal import gauss_newton
-from ttwmr_mj.controllers.shared.optimal.gauss_newton import fit, improved, lqr
+from ttwmr_mj.controllers.shared.optimal.gauss_newton import (
+    EXACT_PASSES,
+    FITTING_PASSES,
+    fit,
+    improved,
+    lqr,
+)
 from ttwmr_mj.controllers.shared.optimal.tracking_problem import (
     Target,
     TrackingProblem,
@@ -176,3 +182,21 @@ def test_fitting_stops_when_nothing_is_gained(monkeypatch: pytest.MonkeyPatch) -
     assert all(b < 0.999 * a for a, b in pairwise(costs[:-1]))
     assert costs[-1] >= 0.999 * costs[-2]
     assert np.array_equal(state, passes[-1].state)
+
+
+@pytest.mark.parametrize(("first", "most"), [(1e-20, EXACT_PASSES), (1.0, FITTING_PASSES)])
+def test_the_rounding_of_an_exact_plan_is_not_fitted_for_long(
+    first: float, most: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In a long plan its cost falls a little with every pass."""
+    costs = []
+
+    def falling(
+        _: TrackingProblem, state: np.ndarray, command: np.ndarray, *__: object, **___: object
+    ) -> gauss_newton.Rollout:
+        costs.append(first * 0.9 ** len(costs))
+        return gauss_newton.Rollout(state, command, np.array(costs[-1:]))
+
+    monkeypatch.setattr(gauss_newton, "improved", falling)
+    fit(PROBLEM, circle(40))
+    assert len(costs) == most

@@ -190,9 +190,9 @@ def test_what_never_comes_up_is_ended(place: str, told: str, code: str, tmp_path
     if place == "at_start":
         (outcome,) = made(tmp_path, place, code, f"{limit}=0.1").run().outcomes
         assert outcome.status == "failed"
-        assert f"{told} (limit: {limit})" in outcome.reason
+        assert f"{told}; to give it longer: --set {limit}=1" in outcome.reason
         return
-    with pytest.raises(InputError, match=re.escape(f"{told}; limit: {limit}")):
+    with pytest.raises(InputError, match=re.escape(f"{told}; to give it longer: --set {limit}=1")):
         made(tmp_path, place, code, f"{limit}=0.1")
 
 

@@ -19,7 +19,7 @@ from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo, Tractor, Trailer
 from ttwmr_mj.scenario.file import check_scenario, dump_scenario, load_scenario
 from ttwmr_mj.scenario.schema import Scenario
-from ttwmr_mj.state import RobotState, hitch_angles, unwrap_near
+from ttwmr_mj.state import RobotState, hitch_angles, unwrap_near, wrap
 
 LONG, SHORT = Trailer(mass_kg=0.5, next_hitch_offset_m=0.3), Trailer(com_offset_m=0.1)
 DAMPED, DRY = Hitch(damping_n_m_s_rad=0.1), Hitch(coulomb_friction_n_m=0.2)
@@ -224,6 +224,19 @@ def test_a_state_is_as_wide_as_the_robot_is_long() -> None:
     single = RobotState.at_rest(0, 0, 0, 0.5)
     assert single.q.dtype == np.float64
     assert single.hitch_angle_rad.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32])
+def test_angles_on_the_circle_are_in_the_half_open_range_to_the_last_bit(kind: type) -> None:
+    pi = kind(np.pi)
+    ends = [turns * pi for turns in (-3, -1, 1, 3)]
+    near = np.array([*ends, *(np.nextafter(end, kind(to)) for end in ends for to in (-99, 99))])
+    assert wrap(near).dtype == near.dtype == kind
+    assert ((wrap(near) >= -pi) & (wrap(near) < pi)).all()
+    assert wrap(np.nextafter(-np.pi, -4.0)) == np.nextafter(np.pi, 0.0)
+    angles = np.random.default_rng(0).uniform(-50.0, 50.0, 10_000).astype(kind)
+    assert np.array_equal(wrap(angles), (angles + pi) % (2 * pi) - pi)  # as it ever was
+    assert np.isnan(wrap(np.array([np.nan]))).all()
 
 
 def test_an_angle_is_unwrapped_to_the_nearest_representative() -> None:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import itertools
 import json
 import math
+import re
 import tracemalloc
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ import scipy.stats
 
 from sweeps import SMALL, plan_of
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.studies.sweep.folder.plan_file import changes
 from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
 from ttwmr_mj.studies.sweep.plan.parameters import Parameter, Value, parameter_of
 from ttwmr_mj.studies.sweep.plan.plan import Plan
@@ -265,3 +268,32 @@ def test_seeds_begin_at_the_first(tmp_path: Path) -> None:
     plan = plan_of(tmp_path, SMALL.replace("seeds = 2", "seeds = 2\nfirst_seed = 10000"))
     assert plan.seeds == (10000, 10001)
     assert {row.seed for row in plan.rows_at(np.arange(plan.rows))} == {10000, 10001}
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "told"),
+    [
+        ("seeds = 2", "seeds = 60", r"seeds: were 40, are 60; 20 added: 40, 41, .*, 59"),
+        (
+            "seeds = 2",
+            f"seeds = {[*range(20), *range(21, 40), 99]}",
+            "seeds: were 40, are 40; 1 left out: 20; 1 added: 99",
+        ),
+        ("seeds = 2", f"seeds = {[*range(39, -1, -1)]}", "seeds: were 40, are 40; in another or"),
+        ("duration_s=0.4", "duration_s=0.5", r'overrides: was \["duration_s=0.4.*, is \["duration'),
+    ],
+)
+def test_what_differs_between_plans_is_told(
+    before: str, after: str, told: str, tmp_path: Path
+) -> None:
+    sweep = SMALL.replace("seeds = 2", "seeds = 40") if "seeds" in before else SMALL
+    old = plan_of(tmp_path, sweep)
+    new = plan_of(tmp_path, SMALL.replace(before, after))
+    assert any(re.match(told, str(fault)) for fault in changes(old, new))
+
+
+def test_of_long_texts_the_first_difference_is_told(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, SMALL)
+    old, new = (replace(plan, made_of={"code": "x" * 200 + end}) for end in ("one" * 50, "other"))
+    (fault,) = changes(old, new)
+    assert re.fullmatch(r"was \.\.\.x{39}one\w+\.\.\., is \.\.\.x{39}other\"", fault.problem)

@@ -14,6 +14,7 @@ BoolArray = NDArray[np.bool_]
 
 X, Y, THETA1, THETA2 = range(4)  # columns of q (Eq. 2); further trailers' angles follow
 TWO_PI = 2.0 * np.pi
+BELOW_PI = float(np.nextafter(np.pi, 0.0))  # the largest angle there is below π
 RIGHT, LEFT = range(2)  # columns of wheel speeds: (ω_r, ω_l) as in Eq. 8-9
 
 
@@ -97,7 +98,8 @@ def hitch_angles(q: FloatArray) -> FloatArray:
 
 def wrap(angle_rad: FloatArray) -> FloatArray:
     """The same angles in [−π, π) [rad], any shape."""
-    return (np.asarray(angle_rad) + np.pi) % TWO_PI - np.pi
+    # the remainder of what is a little below −π rounds to 2π
+    return np.minimum((np.asarray(angle_rad) + np.pi) % TWO_PI - np.pi, BELOW_PI)
 
 
 def hitches_unwound(theta: FloatArray) -> FloatArray:

@@ -1,15 +1,13 @@
 """A controller of the user's own, named `module:Class` in the scenario."""
 
 import copy
-import importlib
-import sys
-from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
 from pydantic import Field
 
 from ttwmr_mj.controllers.base import Controller, ControllerOptions
+from ttwmr_mj.controllers.shared.own.loading import load
 from ttwmr_mj.errors import InputError, Overrun, described, strangers
 from ttwmr_mj.files import resolved
 
@@ -44,28 +42,14 @@ class CustomOptions(ControllerOptions):
         """Import the module, from the scenario's folder or the Python path; make the controller.
 
         Raises:
-            InputError: the module or class cannot be found or made, or is no `Controller`.
+            InputError: the module or class cannot be found or made, or is no `Controller`; its
+                name may be taken, too.
             Overrun: from within the module; whoever calls may have set a deadline.
         """
         module_name, class_name = self.target.split(":")
         key, got = "controller.target", repr(self.target)
         strangers.append(f"the law {self.target}")
-        folder = folder / (self.folder or "")
-        sys.path.insert(0, str(resolved(folder)))
-        try:
-            module = importlib.import_module(module_name)
-        except (KeyboardInterrupt, Overrun):
-            raise
-        except BaseException as error:  # a user's module may raise anything, and leave
-            raise InputError.at(
-                key,
-                f"importing {module_name} raised {described(error)}",
-                got=got,
-                hint=f"it must be beside the scenario ({folder}) or on the Python path",
-            ) from error
-        finally:
-            with suppress(ValueError):  # the module may have changed the path
-                sys.path.remove(str(resolved(folder)))
+        module = load(self.target, resolved(folder / (self.folder or "")))
         found = getattr(module, class_name, None)
         if not (isinstance(found, type) and issubclass(found, Controller)):
             problem = (

@@ -63,9 +63,9 @@ class Ramp:
 
 
 def ramp_and_angle(
-    change_rad_s: FloatArray, servo: Servo, time_s: float
+    change_rad_s: FloatArray, servo: Servo, time_s: FloatArray | float
 ) -> tuple[FloatArray, FloatArray]:
-    """By how much a setpoint that is to change has changed after a time, and its integral.
+    """By how much a setpoint that is to change has changed after times, and its integral.
 
     [rad/s] and [rad].
     """

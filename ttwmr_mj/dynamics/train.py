@@ -49,6 +49,14 @@ class Constants(NamedTuple):
     turned_rad: FloatArray  # (n, n) what leans add to Δ
 
 
+class Posture(NamedTuple):
+    """What does not depend on the trailers' rates."""
+
+    coupling: FloatArray  # (..., n, n) A·cos Δ [kg·m²]
+    turned: FloatArray  # (..., n, n) A·sin Δ [kg·m²]
+    load_n_m: FloatArray  # (..., n) by P's acceleration
+
+
 class Jacobians(NamedTuple):
     """How the angular accelerations (..., n) change to first order."""
 
@@ -142,11 +150,23 @@ def accelerations_of(
     torque_n_m: FloatArray | float = 0.0,
 ) -> FloatArray:
     """`trailer_accelerations` of `constants`, for who asks often: a robot's hash takes time."""
+    return accelerations_at(posture(train, theta, acceleration_m_s2), rate, torque_n_m)
+
+
+def posture(train: Constants, theta: FloatArray, acceleration_m_s2: FloatArray) -> Posture:
+    """What angles (..., n) and an acceleration of P (..., 2) give the equations."""
     angle = apart(theta, train)
     x, y = acceleration_m_s2[..., 0, None], acceleration_m_s2[..., 1, None]
     load = train.moment_kg_m * sideways(theta - train.lean_rad, x, y)
-    bias = _sum(train.size_kg_m2 * np.sin(angle) * (rate**2)[..., None, :])
-    return solve(train.size_kg_m2 * np.cos(angle), load - bias + torque_n_m)
+    return Posture(train.size_kg_m2 * np.cos(angle), train.size_kg_m2 * np.sin(angle), load)
+
+
+def accelerations_at(
+    posture: Posture, rate: FloatArray, torque_n_m: FloatArray | float = 0.0
+) -> FloatArray:
+    """θ̈ (..., n) [rad/s²] of trailers in a posture, at rates (..., n)."""
+    bias = _sum(posture.turned * (rate**2)[..., None, :])
+    return solve(posture.coupling, posture.load_n_m - bias + torque_n_m)
 
 
 def jacobians(
@@ -181,10 +201,13 @@ def solve(matrix: FloatArray, vector: FloatArray) -> FloatArray:
     if vector.shape[-1] == 1:
         return np.asarray(vector / matrix[..., 0])
     if vector.shape[-1] == 2:  # Cramer's rule: a third of the time
-        turned = np.stack([matrix[..., 1, 1], -matrix[..., 1, 0]], axis=-1) * vector[..., :1]
-        turned += np.stack([-matrix[..., 0, 1], matrix[..., 0, 0]], axis=-1) * vector[..., 1:]
-        cross = matrix[..., 0, 1] * matrix[..., 1, 0]
-        return np.asarray(turned / (matrix[..., 0, 0] * matrix[..., 1, 1] - cross)[..., None])
+        a, b, c, d = matrix[..., 0, 0], matrix[..., 0, 1], matrix[..., 1, 0], matrix[..., 1, 1]
+        first = d * vector[..., 0] - b * vector[..., 1]
+        solution = np.empty((*first.shape, 2))  # np.stack takes as long as all the rest
+        solution[..., 0] = first
+        solution[..., 1] = a * vector[..., 1] - c * vector[..., 0]
+        solution /= (a * d - b * c)[..., None]
+        return solution
     return np.asarray(np.linalg.solve(matrix, vector[..., None])[..., 0])
 
 

@@ -13,7 +13,7 @@ from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.registry import guarded
-from ttwmr_mj.runs.law.laws import START_LIMIT, leave_if_forked
+from ttwmr_mj.runs.law.laws import leave_if_forked, more_time
 from ttwmr_mj.scenario.equations import plant_of_equations
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.sensing import Sensor, TruthSensor
@@ -78,7 +78,7 @@ def make_controller(scenario: Scenario, folder: Path) -> Controller:
             law = _made(scenario.controller, folder)
     except Overrun:
         problem = f"importing and making the law timed out after {limit_s:g} s"
-        raise InputError.at("controller", problem, hint=START_LIMIT) from None
+        raise InputError.at("controller", problem, hint=more_time(limit_s)) from None
     finally:
         leave_if_forked(process)
     return in_inner_loop(law, scenario)

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from ttwmr_mj.controllers.base import Task
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.controllers.shared.source import inspected
+from ttwmr_mj.controllers.shared.own.source import inspected
 from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.law.laws import START_LIMIT
+from ttwmr_mj.runs.law.laws import more_time
 from ttwmr_mj.scenario.motion import believed_reference
 from ttwmr_mj.scenario.schema import Scenario
 
@@ -37,7 +37,7 @@ def rehearsed(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
         raise
     except Overrun:
         problem = f"controller.start() timed out after {limit_s:g} s"
-        return [Fault(key=("controller", "target"), problem=problem, hint=START_LIMIT)]
+        return [Fault(key=("controller", "target"), problem=problem, hint=more_time(limit_s))]
     except BaseException as error:  # a user's law may raise anything
         problem = f"controller.start() raised {described_within(limit_s, error)}"
         return [Fault(key=("controller", "target"), got=repr(options.target), problem=problem)]

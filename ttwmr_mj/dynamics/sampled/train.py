@@ -9,6 +9,7 @@ with the mean acceleration of P, the change of its velocity over the substep. Se
 """
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
@@ -17,10 +18,11 @@ from ttwmr_mj.dynamics.kinematics import rolling, to_world, wheel_geometry
 from ttwmr_mj.dynamics.servo import limit_speed, ramp_and_angle
 from ttwmr_mj.dynamics.train import (
     FASTEST_SWING_RAD_S,
-    accelerations_of,
+    accelerations_at,
     constants,
     hitch_torques,
     on_trailers,
+    posture,
     solve,
     swing_matrix,
 )
@@ -84,31 +86,43 @@ class SampledTrain:
         Returns:
             body and wheels one period later.
         """
-        change, step = limit_speed(command, self._servo) - wheels, self.period_s / self._substeps
-        x, y, theta1 = np.moveaxis(body[..., :3], -1, 0)
+        step, tractor = self.period_s / self._substeps, body[..., :3]
+        place, moved, pulls, headings, turns = self._tractor(tractor, wheels, command, slip)
         theta, rate = body[..., 3 : 3 + self.trailers], body[..., 3 + self.trailers :]
-        ahead, left, turning = np.moveaxis(slip, -1, 0)
-        speed, _ = rolling(wheels, *self._wheels)
-        before = np.stack(to_world(theta1, speed + ahead, left), axis=-1)
-        angles = np.zeros_like(change)
-        for i in range(1, self._substeps + 1):
-            moved, angles_now = ramp_and_angle(change, self._servo, i * step)
-            arc, turned = rolling(angles_now - angles + step * wheels, *self._wheels)
-            angles, turned = angles_now, turned + step * turning
-            speed, _ = rolling(wheels + moved, *self._wheels)
-            middle = theta1 + 0.5 * turned
-            dx, dy = to_world(middle, (arc + step * ahead) * (1.0 - turned**2 / 24.0), step * left)
-            x, y, theta1 = x + dx, y + dy, theta1 + turned
-            after = np.stack(to_world(theta1, speed + ahead, left), axis=-1)
-            v, before = (after - before) / step - self._pull, after
-            tractor = middle, turned / step
+        for v, theta1, turn in zip(pulls, headings, turns, strict=True):
             mid = theta + 0.5 * step * rate
-            half = rate + 0.5 * step * (self._swing(mid, rate, v, tractor) + unexplained)
-            new = rate + step * (self._swing(mid, half, v, tractor) + unexplained)
+            swing = self._swing(mid, v, theta1, turn)
+            half = rate + 0.5 * step * (swing(rate) + unexplained)
+            new = rate + step * (swing(half) + unexplained)
             theta, rate = theta + 0.5 * step * (rate + new), new
-        rate = np.clip(rate, -FASTEST_SWING_RAD_S, FASTEST_SWING_RAD_S)
-        place = np.stack([x, y, theta1], axis=-1)
+        rate = np.minimum(np.maximum(rate, -FASTEST_SWING_RAD_S), FASTEST_SWING_RAD_S)
         return np.concatenate([place, theta, rate], axis=-1), wheels + moved
+
+    def _tractor(
+        self, body: FloatArray, wheels: FloatArray, command: FloatArray, slip: FloatArray
+    ) -> tuple[FloatArray, ...]:
+        """The tractor's period, which no trailer changes: all substeps at once.
+
+        Returns:
+            (..., 3) x, y, θ1 at its end, (..., 2) how far the setpoints have moved; and of each
+            substep, in front: mean acceleration of P less gravity's (..., 2), θ1 (...) in its
+            middle, and mean θ̇1 (...).
+        """
+        step, ahead, left = self.period_s / self._substeps, slip[..., 0], slip[..., 1]
+        change = limit_speed(command, self._servo) - wheels
+        times: FloatArray = step * np.arange(float(self._substeps + 1))
+        times = times.reshape(-1, *[1] * change.ndim)
+        moved, angle = ramp_and_angle(change, self._servo, times)
+        arc, turned = rolling(angle[1:] - angle[:-1] + step * wheels, *self._wheels)
+        turned = turned + step * slip[..., 2]
+        theta1 = _running(body[..., 2], turned)
+        middle = theta1[:-1] + 0.5 * turned
+        dx, dy = to_world(middle, (arc + step * ahead) * (1.0 - turned**2 / 24.0), step * left)
+        speed, _ = rolling(wheels + moved, *self._wheels)
+        velocity = np.stack(to_world(theta1, speed + ahead, left), axis=-1)
+        x, y = _running(body[..., 0], dx)[-1], _running(body[..., 1], dy)[-1]
+        pull = (velocity[1:] - velocity[:-1]) / step - self._pull
+        return np.stack([x, y, theta1[-1]], axis=-1), moved[-1], pull, middle, turned / step
 
     def velocity(self, body: FloatArray, wheels: FloatArray, slip: FloatArray) -> FloatArray:
         """(..., 2) velocity of P rolling at these wheel speeds with this slip [m/s]."""
@@ -127,18 +141,20 @@ class SampledTrain:
         return solve(swing_matrix(theta, self._robot), torque)
 
     def _swing(
-        self,
-        theta: FloatArray,
-        rate: FloatArray,
-        v: FloatArray,
-        tractor: tuple[FloatArray, FloatArray],
-    ) -> FloatArray:
+        self, theta: FloatArray, v: FloatArray, theta1: FloatArray, turn: FloatArray
+    ) -> Callable[[FloatArray], FloatArray]:
+        """Rates (..., n) → θ̈ (..., n), with the trailers at θ."""
+        at = posture(self._constants, theta, v)
         if self._without_torque:
-            return accelerations_of(self._constants, theta, rate, v)
-        theta1, turn = tractor
-        hitch, slide = self._hitch_rates(theta, theta1), self._hitch_rates(rate, turn)
-        torque = hitch_torques(hitch, slide, self._robot) + self._rubbing(slide)
-        return accelerations_of(self._constants, theta, rate, v, on_trailers(torque))
+            return lambda rate: accelerations_at(at, rate)
+        hitch = self._hitch_rates(theta, theta1)
+
+        def swing(rate: FloatArray) -> FloatArray:
+            slide = self._hitch_rates(rate, turn)
+            torque = hitch_torques(hitch, slide, self._robot) + self._rubbing(slide)
+            return accelerations_at(at, rate, on_trailers(torque))
+
+        return swing
 
     def _rubbing(self, slide: FloatArray) -> FloatArray:
         return np.asarray(-self._dry * slide / np.hypot(slide, self._smoothing))
@@ -149,3 +165,10 @@ class SampledTrain:
         rates[..., 0] -= tractor
         rates[..., 1:] -= trailers[..., :-1]
         return rates
+
+
+def _running(start: FloatArray, changes: FloatArray) -> FloatArray:
+    """(n + 1, ...) a value (...) and what becomes of it with one change (n, ...) after another."""
+    values = np.empty((len(changes) + 1, *changes.shape[1:]))
+    values[0], values[1:] = start, changes
+    return np.asarray(np.add.accumulate(values, axis=0))

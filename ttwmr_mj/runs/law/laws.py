@@ -14,9 +14,14 @@ from ttwmr_mj.controllers.base import Command, Controller, Task
 from ttwmr_mj.deadline import Deadline, described_within
 from ttwmr_mj.errors import InputError, Overrun
 from ttwmr_mj.runs.law.answers import Answers, is_sane, strange
+from ttwmr_mj.scenario.tables.control import LONGEST_START_S
 from ttwmr_mj.sensing import Estimate
 
-START_LIMIT = "limit: control.controller_start_limit_s"
+
+def more_time(limit_s: float) -> str:
+    """What to do where a law did not come up within a limit."""
+    more_s = min(10.0 * limit_s, LONGEST_START_S)
+    return f"to give it longer: --set control.controller_start_limit_s={more_s:g}"
 
 
 def leave_if_forked(process: int) -> None:
@@ -105,7 +110,8 @@ class Laws:
             except BaseException as error:  # a law of the user's may raise anything
                 reason = f"controller.start() raised {described_within(limit_s, error)}"
                 if isinstance(error, Overrun):
-                    reason = f"controller.start() timed out after {limit_s:g} s ({START_LIMIT})"
+                    hint = more_time(self._start_limit_s)
+                    reason = f"controller.start() timed out after {limit_s:g} s; {hint}"
                 broken.append(Broken(part.who.tolist(), reason, error))
             finally:
                 leave_if_forked(self._process)

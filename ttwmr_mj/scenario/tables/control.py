@@ -7,6 +7,8 @@ from pydantic import Field
 from ttwmr_mj.robot import Config
 from ttwmr_mj.sensing import Lost
 
+LONGEST_START_S = 86_400.0
+
 
 class ControlOptions(Config):
     """The sampled loop."""
@@ -28,7 +30,7 @@ class ControlOptions(Config):
     controller_start_limit_s: float = Field(
         default=60.0,
         ge=1e-12,
-        le=86_400,
+        le=LONGEST_START_S,
         description="the same for importing and making a law, and for starting it",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(

@@ -13,13 +13,19 @@ from functools import cache
 from pathlib import Path
 
 import ttwmr_mj
+from ttwmr_mj.controllers.shared.own.modules import (
+    OF_PYTHON,
+    file_of,
+    found,
+    is_installed,
+    is_namespace,
+    modules_within,
+)
 from ttwmr_mj.errors import Fault, InputError
-from ttwmr_mj.studies.pool.modules import file_of, found, is_installed, is_namespace, modules_within
 
 PACKAGE = Path(ttwmr_mj.__file__).parent
 NAME = PACKAGE.name
 SILENT = ("recording", "figures", "cli")  # rooms that only draw, record or print
-OF_PYTHON = ("built-in", "frozen")  # what the import system says of modules in the interpreter
 
 Follows = Callable[[str, str], bool]
 

@@ -13,6 +13,8 @@ from ttwmr_mj.state import FloatArray
 
 FITTING_PASSES = 30  # shipped scenarios take 2 to 5, rest to rest with 1e-3 N·m of friction 16
 FITTED = 1e-3  # a pass that lowers the cost by a smaller share is the last
+EXACT = 1e-9  # root mean square of residuals, in their scales, of which only rounding is left
+EXACT_PASSES = 4  # at most for such a plan: more shuffle its rounding, of long ones again and again
 DISTURBANCE_TIME_S = 10.0  # in which what is unexplained is assumed to decay
 FITTING_LENGTHS = np.array([1.0, 0.5, 0.2, 0.05, 0.0])  # of a step; zero keeps what there is
 
@@ -114,15 +116,17 @@ def fit(
         problem: model and stage cost.
         target: what to come close to.
         disturbance: (batch, width) which lasts; None: none.
-        passes: steps; 0: until the cost of none falls by a share of FITTED, at most FITTING_PASSES.
-            A batch of different simulations says how many, or they would depend on each other.
+        passes: steps; 0: until the cost of none falls by a share of FITTED, at most FITTING_PASSES
+            or, where all are EXACT, EXACT_PASSES. A batch of different simulations says how many,
+            or they would depend on each other.
     """
     batch = target.state.shape[1]
     size = problem.states + problem.lasting
     if disturbance is None:
         disturbance = np.zeros((batch, problem.width))
+    rounding = 0.5 * len(target.command) * EXACT**2
     plan = Rollout(target.state, target.command, np.full(batch, np.inf))
-    for _ in range(passes or FITTING_PASSES):
+    for done in range(1, (passes or FITTING_PASSES) + 1):
         last = plan
         plan = improved(
             problem,
@@ -135,7 +139,9 @@ def fit(
             planned=disturbance,
             lengths=FITTING_LENGTHS,
         )
-        if not passes and not (plan.cost < (1.0 - FITTED) * last.cost).any():
+        falls = plan.cost < (1.0 - FITTED) * last.cost
+        enough = done >= EXACT_PASSES and (plan.cost <= rounding).all()
+        if not passes and (enough or not falls.any()):
             break
     return plan.state, plan.command
 

@@ -66,8 +66,8 @@ class TrainProblem:
         self, state: FloatArray, command: FloatArray, disturbance: FloatArray
     ) -> FloatArray:
         """(..., states) one period later, under a constant disturbance (..., width)."""
-        body, wheels = np.split(state, [self._body], axis=-1)
-        slip, unexplained = np.split(disturbance, [SLIP], axis=-1)
+        body, wheels = state[..., : self._body], state[..., self._body :]
+        slip, unexplained = disturbance[..., :SLIP], disturbance[..., SLIP:]
         after = self._model.advance(body, wheels, command, slip, unexplained)
         return np.concatenate(after, axis=-1)
 

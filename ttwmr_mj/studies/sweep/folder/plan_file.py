@@ -17,6 +17,8 @@ from ttwmr_mj.studies.sweep.plan.plan import Plan
 PLAN_FILE = "plan.json"
 SHOWN = 12  # differences
 LONGEST = 500  # letters of what is wrong with a file
+LONGEST_VALUE = 80  # letters of a value
+MISSING = object()
 
 
 def stored_plan(folder: Path) -> Plan | None:
@@ -79,24 +81,50 @@ def changes(stored: Plan, plan: Plan) -> list[Fault]:
     before, now = stored.identity, plan.identity
     keys = differences(before, now)
     faults = [
-        Fault(key=(key,), problem=f"was {_shown(before, key)}, is {_shown(now, key)}")
-        for key in keys[:SHOWN]
+        Fault(key=(key,), problem=_change(_at(before, key), _at(now, key))) for key in keys[:SHOWN]
     ]
     if len(keys) > SHOWN:
         faults.append(Fault(problem=f"and {len(keys) - SHOWN} more"))
     return faults
 
 
-def _shown(data: Any, key: str) -> str:
-    """The value at a dotted key, some of whose parts hold dots themselves."""
+def _at(data: Any, key: str) -> Any:
+    """The value at a dotted key, some of whose parts hold dots themselves; MISSING: none."""
     while key:
         heads = [k for k in data if key == k or key.startswith(f"{k}.")]
         if not heads:
-            return "missing"
+            return MISSING
         head = max(heads, key=len)  # beside a module, its package has a key
         data, key = data[head], key[len(head) + 1 :]
-    text = json.dumps(data)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    return data
+
+
+def _change(before: Any, now: Any) -> str:
+    """What became of a value; of what is too long to be shown only what differs."""
+    texts = ["missing" if value is MISSING else json.dumps(value) for value in (before, now)]
+    if max(map(len, texts)) > LONGEST_VALUE:
+        if isinstance(before, list) and isinstance(now, list):
+            return _list_change([*map(json.dumps, before)], [*map(json.dumps, now)])
+        texts = _around_difference(*texts)
+    return f"was {texts[0]}, is {texts[1]}"
+
+
+def _list_change(before: list[str], now: list[str]) -> str:
+    """The counts, and the items that only one list has."""
+    told = []
+    for what, some, others in (("left out", before, {*now}), ("added", now, {*before})):
+        items = [item for item in some if item not in others]
+        if items:
+            told.append(f"{len(items)} {what}: {cut(', '.join(items), LONGEST_VALUE)}")
+    return f"were {len(before)}, are {len(now)}; {'; '.join(told) or 'in another order'}"
+
+
+def _around_difference(one: str, other: str) -> list[str]:
+    """Two texts, cut so that where they begin to differ shows."""
+    pairs = enumerate(zip(one, other, strict=False))
+    first = next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
+    start = max(0, first - LONGEST_VALUE // 2)
+    return [cut("..." * (start > 0) + text[start:], LONGEST_VALUE) for text in (one, other)]
 
 
 def refuse_foreign(folder: Path) -> None:

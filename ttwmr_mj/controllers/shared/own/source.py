@@ -3,28 +3,15 @@
 from __future__ import annotations
 
 import ast
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from ttwmr_mj.controllers.shared.own.loading import KEY, name_taken
+from ttwmr_mj.controllers.shared.own.modules import file_of, found
 from ttwmr_mj.errors import Fault
 
-KEY = ("controller", "target")
 METHODS = ("start", "command")
-
-
-def source_of(module: str, folder: Path) -> Path | None:
-    """The file of a module, from a scenario's folder or the Python path; None: there is none."""
-    parts = module.split(".")
-    for place in (folder, *map(Path, sys.path)):
-        for file in (
-            place.joinpath(*parts[:-1], f"{parts[-1]}.py"),
-            place.joinpath(*parts, "__init__.py"),
-        ):
-            if file.is_file():
-                return file
-    return None
 
 
 def inspected(target: str, options: Mapping[str, Any], folder: Path) -> list[Fault]:
@@ -36,10 +23,16 @@ def inspected(target: str, options: Mapping[str, Any], folder: Path) -> list[Fau
         folder: where the module is looked for first.
     """
     module, name = target.split(":")
-    file = source_of(module, folder)
+    taken = name_taken(target, folder)
+    if taken is not None:
+        return [taken]
+    spec = found(module, folder)
+    file = file_of(spec) if spec is not None else None
     if file is None:
         hint = f"it must be beside the scenario ({folder}) or on the Python path"
         return [Fault(key=KEY, got=repr(target), problem=f"there is no module {module}", hint=hint)]
+    if file.suffix != ".py":
+        return []  # built, or in an archive: loading it says more
     try:
         tree = ast.parse(file.read_text(encoding="utf-8"), filename=str(file))
     except (SyntaxError, ValueError) as error:

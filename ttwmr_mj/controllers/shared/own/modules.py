@@ -14,6 +14,7 @@ from pathlib import Path
 
 from ttwmr_mj.files import resolved
 
+OF_PYTHON = ("built-in", "frozen")  # what the import system says of modules in the interpreter
 INSTALLED = ("site-packages", "dist-packages")  # where code lies that nobody edits
 
 
