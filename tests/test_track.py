@@ -281,7 +281,10 @@ def test_bad_input_is_exit_code_2_with_what_to_do(
     [
         ({"focal_px": np.full(2, 6.4e4)}, "a label is 1259 px wide; allowed: 1 to 160 px"),
         ({"focal_px": np.full(2, 9e5)}, "a label is 1.77e+04 px wide"),
-        ({"focal_px": np.full(2, 3.6e-3)}, "lengths of 0.0036 and 0.0036 px, a label is 7.08"),
+        (
+            {"focal_px": np.full(2, 3.6e-3)},
+            "lengths of 0.0036 and 0.0036 px; allowed: at least 6.4",
+        ),
         ({"position_m": np.array([0.0, 0.0, 0.09])}, "this camera, 0.09 m above the floor"),
         ({"position_m": np.array([0.0, 0.0, 0.06])}, "0.06 m above the floor, and the robot's lab"),
         ({"position_m": np.array([0.0, 0.0, 1900.0])}, "are its lengths in metres, and its focal"),

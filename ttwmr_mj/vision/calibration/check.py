@@ -9,6 +9,7 @@ from ttwmr_mj.vision.camera.lens import fold_fault, lens_fault
 from ttwmr_mj.vision.camera.model import CameraModel
 
 MOST_FOCAL_PX = 1e6
+LEAST_FOCAL = 0.01  # of the picture's size, which is then seen within 178°; less is in metres
 ORTHONORMAL_TOLERANCE = 1e-6  # a file with seven digits passes
 MOST_ASPECT = 3.0  # of fx and fy: pixels of old video formats are twice as wide as high
 MOST_BESIDE = 1.0  # of the picture's size, how far beyond its edge the principal point may be
@@ -31,6 +32,11 @@ def _matrix_fault(camera: CameraModel) -> Fault | None:
         problem = f"has focal lengths of {fx:g} and {fy:g} px"
         return Fault(key=MATRIX, problem=problem, allowed=f"a ratio of {MOST_ASPECT:g} at most")
     size = np.array([camera.width_px, camera.height_px])
+    if (camera.focal_px < LEAST_FOCAL * size).any():
+        problem = f"has focal lengths of {fx:g} and {fy:g} px"
+        least = ", ".join(f"{LEAST_FOCAL * pixels:g}" for pixels in size)
+        hint = "they are in pixels, not in metres"
+        return Fault(key=MATRIX, problem=problem, allowed=f"at least {least} px", hint=hint)
     beside = np.maximum(-camera.principal_px, camera.principal_px - size)
     if (beside > MOST_BESIDE * size).any():
         problem = f"has its principal point at {cx:g}, {cy:g} px"
