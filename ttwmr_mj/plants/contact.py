@@ -22,7 +22,7 @@ from ttwmr_mj.plants.model.mjcf import build_model
 from ttwmr_mj.plants.model.names import WHEELS, casters, contacts, trailer_part
 from ttwmr_mj.plants.model.relief import Relief
 from ttwmr_mj.plants.model.settled import settled_qpos
-from ttwmr_mj.plants.stance import Stance
+from ttwmr_mj.plants.stance import Stance, Tyres
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA1, THETA2, BoolArray, FloatArray, RobotState, unwrap_near
 
@@ -112,23 +112,27 @@ class ContactPlant(Plant):
 
     def _standing_on(self, reliefs: list[Relief]) -> Stance:
         """What tells how the robots stand on their grounds."""
-        wheels = slice(len(WHEELS))
-        geoms = self._touching_geoms[wheels]
-        return Stance(
-            reliefs,
-            self._joints,
-            self._settled_qpos[:, self._joints.free_qpos + HEIGHT],
-            self._touching[wheels],
-            np.array([model.geom_size[geoms].max(axis=1) for model in self.models]),
-            self._contact_columns[wheels],
-        )
+        geoms, bodies = self._touching_geoms[: len(WHEELS)], self._touching[: len(WHEELS)]
+        cylinder = mujoco.mjtGeom.mjGEOM_CYLINDER
+        tyres = [
+            Tyres(
+                model.geom_size[geoms, 0],
+                model.geom_size[geoms, 1],
+                model.geom_type[geoms] == cylinder,
+                model.body_pos[bodies],
+            )
+            for model in self.models
+        ]
+        settled = self._settled_qpos[:, self._joints.free_qpos + HEIGHT]
+        columns = self._contact_columns[: len(WHEELS)]
+        return Stance(reliefs, self._joints, settled, tyres, columns)
 
     def reset(self, initial: RobotState) -> None:
         """Stand the robots, settled in their contacts, at the initial pose and velocity."""
         self._batch.reset()
         self._faults.forget()
         standing = self._settled_qpos
-        if not self._stance.flat:
+        if not all(relief.flat for relief in self._reliefs):
             standing = self._settled_on_relief(initial)
         # servos at the wheel speeds that roll without slip
         twist = workspace_rate(initial.q, initial.q_rate)[:, :2]
@@ -164,12 +168,11 @@ class ContactPlant(Plant):
         return self._joints.turned_back(pattern)
 
     def stance(self) -> FloatArray:
-        """(nsim, 23) of how the robots stand on the ground, for `footing`."""
-        told = self._qpos, self._qvel, self._sensordata, self._body_position
-        return self._stance.read(*told)
+        """(nsim, 19) of how the robots stand on the ground, for `footing`."""
+        return self._stance.read(self._qpos, self._qvel, self._sensordata)
 
     def footing(self, stance: FloatArray) -> Footing:
-        """How the robots stood, for stances (..., nsim, 23)."""
+        """How the robots stood, for stances (..., nsim, 19)."""
         return self._stance.footing(stance)
 
     def sound(self, stance: FloatArray) -> bool:

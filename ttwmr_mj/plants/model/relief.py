@@ -79,7 +79,8 @@ class Relief:
     """Heights of a model's ground.
 
     Attributes:
-        flat: whether there is only the floor.
+        flat: whether there is only the floor, and what a scene of one's own has on it.
+        plain: whether there is only the floor.
         lowest_m: no place is lower; where the floor is, beyond the terrain.
         highest_m: no place is higher.
     """
@@ -88,7 +89,9 @@ class Relief:
         geoms = {model.geom(i).name: i for i in range(model.ngeom)}
         self._kerbs = [geoms[name] for name in geoms if name.startswith("kerb_")]
         self._model, self._terrain = model, geoms.get(TERRAIN)
+        self._boxes = [i for i in range(model.ngeom) if _is_plate(model, i)]
         self.flat = self._terrain is None and not self._kerbs
+        self.plain = self.flat and not self._boxes
         self.lowest_m = self.highest_m = 0.0
         if self._terrain is not None:
             shape = int(model.hfield_nrow[0]), int(model.hfield_ncol[0])
@@ -104,7 +107,15 @@ class Relief:
         height = np.zeros(points_m.shape[:-1])
         if self._terrain is not None:
             height = self._on_terrain(points_m)
-        for geom in self._kerbs:
+        return self._over(self._kerbs, points_m, height)
+
+    def under(self, points_m: FloatArray) -> FloatArray:
+        """(...) the same, on plates and steps of a scene of one's own, too."""
+        return self._over(self._boxes, points_m, self.at(points_m))
+
+    def _over(self, boxes: list[int], points_m: FloatArray, height: FloatArray) -> FloatArray:
+        """(...) height, or of the boxes' tops that are higher."""
+        for geom in boxes:
             axes = _plane_axes(self._model.geom_quat[geom])
             local = np.abs((points_m - self._model.geom_pos[geom, :2]) @ axes)
             on = (local <= self._model.geom_size[geom, :2]).all(axis=-1)
@@ -125,6 +136,15 @@ class Relief:
         high = (1.0 - x) * self.heights_m[row + 1, column]
         high = high + x * self.heights_m[row + 1, column + 1]
         return np.where(beyond, self.lowest_m, (1.0 - y) * low + y * high)
+
+
+def _is_plate(model: mujoco.MjModel, geom: int) -> bool:
+    """Whether it is an upright box on the floor, fixed, that a wheel can stand on."""
+    upright = np.allclose(model.geom_quat[geom, 1:3], 0.0)
+    bottom_m = model.geom_pos[geom, 2] - model.geom_size[geom, 2]
+    of_world = model.geom_bodyid[geom] == 0 and model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_BOX
+    touched = bool(model.geom_contype[geom] | model.geom_conaffinity[geom])
+    return bool(of_world and touched and upright and bottom_m <= 0.0)
 
 
 def _plane_axes(quaternion: FloatArray) -> FloatArray:
