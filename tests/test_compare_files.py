@@ -28,6 +28,8 @@ def test_the_gate_names_what_exceeded_what(tmp_path: Path) -> None:
         "theta2_deviation_max_rad: got 0.002, allowed: 0.001 at most",
         "position_deviation_per_path: got undefined, allowed: 1 at most",
     ]
+    (close,) = breaches({"path_length_m": 0.284651}, {"path_length_m": 0.28465102})
+    assert str(close) == "path_length_m: got 0.28465102, allowed: 0.284651 at most"
 
 
 @pytest.mark.parametrize(
@@ -197,6 +199,10 @@ def test_a_report_in_words(tmp_path: Path) -> None:
     assert re.search(rf"^ +caster inertia .* {size:.4f} mrad +{share:.1f} %$", words, re.MULTILINE)
     assert "| caster inertia | " in markdown(report)
     assert f"{size:.4f} mrad | {share:.1f} % |" in markdown(report)
+    gain = {"scenario": "straight_line", "factor": {"fell": 20.0, "rose": 0.05}}
+    words = plain(report | {"fit": {"parameters": {}, "validation": gain}})
+    assert re.search(r"^  fell +fell to 1/20$", words, re.MULTILINE)
+    assert re.search(r"^  rose +rose 20-fold$", words, re.MULTILINE)
 
 
 def test_the_recording_holds_both_robots(tmp_path: Path) -> None:

@@ -22,6 +22,7 @@ from trajectories import different
 import ttwmr_mj as tt
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.runs.build import generators
+from ttwmr_mj.runs.closed_loop.loop import Outcome
 from ttwmr_mj.runs.experiment import Experiment
 from ttwmr_mj.runs.process.background import Background
 from ttwmr_mj.runs.pushes import Push, forces
@@ -191,6 +192,18 @@ def test_a_run_without_a_folder_makes_a_new_one(
     assert manifest["ttwmr_mj"] == tt.__version__
     assert manifest["libraries"]["numpy"] == np.__version__
     assert manifest["gl_backend"] is None
+
+
+def test_what_a_law_raised_stays_in_its_process() -> None:
+    """Its module may not be known to another."""
+
+    class OfALawError(Exception):
+        """Which cannot be pickled."""
+
+    outcome = Outcome("failed", "no gain", 1.0, OfALawError())
+    copy = pickle.loads(pickle.dumps(outcome))  # our own bytes
+    assert copy == outcome
+    assert copy.cause is None
 
 
 def test_an_input_error_crosses_processes_whole() -> None:

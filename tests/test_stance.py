@@ -202,8 +202,8 @@ def test_wheels_that_slip_or_lift_are_named_with_a_loss() -> None:
     rows.wheels_on_floor[::10] = 1.0
     verdict = judge(rows, robot)
     assert verdict.name == "lost"
-    assert "wheels slipped at 51 % of the samples" in verdict.what
-    assert "a wheel was off the ground at 11 % of the samples" in verdict.what
+    assert "wheels slipped at 50.8 % of the samples" in verdict.what
+    assert "a wheel was off the ground at 11.5 % of the samples" in verdict.what
 
 
 def test_older_trajectories_without_a_footing_are_read(tmp_path: Path) -> None:

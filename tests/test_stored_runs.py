@@ -94,6 +94,9 @@ DAMAGES: dict[str, tuple[Callable[[Columns], Columns], str]] = {
     "tilt beyond all bounds": (at("tilt_rad", 3, 1e90), r"its column tilt_rad is 1e\+90"),
     "height beyond all bounds": (at("height_m", 3, 1e5), "its column height_m is 100000"),
     "wheels": (at("wheels_on_floor", 3, 5.0), "its column wheels_on_floor is 5"),
+    "half a wheel": (at("wheels_on_floor", 3, 0.5), "its column wheels_on_floor is 0.5"),
+    "tilt": (at("tilt_rad", 3, 3.2), "its column tilt_rad is 3.2"),
+    "slip": (at("wheel_slip_m_s", 3, -0.05), "its column wheel_slip_m_s is -0.05"),
     "an age beyond all bounds": (at("measurement_age_s", 3, 1e30), "its column .*_age_s is 1e"),
     "an age below zero": (at("measurement_age_s", 3, -1.0), "its column .*_age_s is -1"),
     "too many labels": (

@@ -98,9 +98,9 @@ def at_least(value: float, digits: int = 3) -> str:
     return f"at least {rounded(value, ROUND_CEILING, digits)}"
 
 
-def apart(one: float, other: float) -> tuple[str, str]:
-    """Two numbers that differ, in as many digits as show it, at least six."""
-    digits = next((n for n in range(6, 17) if f"{one:.{n}g}" != f"{other:.{n}g}"), 17)
+def apart(one: float, other: float, least: int = 6) -> tuple[str, str]:
+    """Two numbers that differ, in as many digits as show it, at least so many."""
+    digits = next((n for n in range(least, 17) if f"{one:.{n}g}" != f"{other:.{n}g}"), 17)
     return f"{one:.{digits}g}", f"{other:.{digits}g}"
 
 

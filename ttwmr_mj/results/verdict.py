@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.errors import InputError, require, shown
+from ttwmr_mj.errors import InputError, apart, require, shown
 from ttwmr_mj.references.shared.demand import Feasibility
 from ttwmr_mj.results.accept import END_SHARE, GROWTH, SLIPPING_M_S, AcceptOptions, VerdictName
 from ttwmr_mj.results.curves import Curves, require_rows, require_run, start_of_last
@@ -105,7 +105,7 @@ class Error(NamedTuple):
     def __str__(self) -> str:
         when = "in the last fifth of the run" if self.time_s is None else f"at {self.time_s:.3g} s"
         unit = self.measure.rpartition("_")[2]
-        number, limit = (_amount(value, unit) for value in (self.number, self.limit))
+        number, limit = _amounts(self.number, self.limit, unit)
         more = " and still decreasing" if self.decreasing else ""
         return f"{MEASURES[self.measure]} {number} off{more} {when} (limit {limit})"
 
@@ -188,11 +188,13 @@ def _footing(rows: Trajectory, accept: AcceptOptions) -> Verdict | None:
     if not np.isfinite(rows.tilt_rad).any():
         return None
     if (tilt := float(np.nanmax(rows.tilt_rad))) > accept.tilt_rad:
-        what = f"the tractor tilted by {tilt:.3g} rad (limit {accept.tilt_rad:g} rad)"
+        number, limit = _amounts(tilt, accept.tilt_rad, "rad")
+        what = f"the tractor tilted by {number} (limit {limit})"
         return Verdict("tipped_over", tilt, accept.tilt_rad, what)
     if (height := float(np.nanmax(rows.height_m))) > accept.height_m:
-        numbers = f"{_amount(height, 'm')} (limit {_amount(accept.height_m, 'm')})"
-        return Verdict("off_the_ground", height, accept.height_m, f"P rose by {numbers}")
+        number, limit = _amounts(height, accept.height_m, "m")
+        what = f"P rose by {number} (limit {limit})"
+        return Verdict("off_the_ground", height, accept.height_m, what)
     if (share := float((rows.wheels_on_floor < 2).mean())) > accept.airborne_share:
         what = "a wheel was off the ground at"
         return _share("off_the_ground", share, accept.airborne_share, what)
@@ -205,7 +207,7 @@ def _wheels(rows: Trajectory) -> str:
         "a wheel was off the ground at": float((rows.wheels_on_floor < 2).mean()),
         "wheels slipped at": float((rows.wheel_slip_m_s > SLIPPING_M_S).mean()),
     }
-    told = [f"{what} {100 * x:.2g} % of the samples" for what, x in found.items() if x > NOTABLE]
+    told = [f"{what} {100 * x:.3g} % of the samples" for what, x in found.items() if x > NOTABLE]
     return "".join(f"; {words}" for words in told)
 
 
@@ -223,8 +225,8 @@ def _gravest(broken: list[Error]) -> Error:
 
 
 def _share(name: VerdictName, number: float, limit: float, what: str) -> Verdict:
-    text = f"{what} {100 * number:.3g} % of the samples (limit {100 * limit:.3g} %)"
-    return Verdict(name, number, limit, text)
+    share, most = apart(100.0 * number, 100.0 * limit, 3)
+    return Verdict(name, number, limit, f"{what} {share} % of the samples (limit {most} %)")
 
 
 def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> Iterator[Error]:
@@ -262,6 +264,16 @@ def _allowed(
     start = GROWTH * error[np.isfinite(error)][0]
     left = 1.0 - since_s / max(settling_share * since_s[-1], np.finfo(float).tiny)
     return np.asarray(lasting + max(start - lasting, 0.0) * np.maximum(left, 0.0))
+
+
+def _amounts(number: float, limit: float, unit: str) -> tuple[str, str]:
+    """A number and its limit, told apart where they differ."""
+    texts = _amount(number, unit), _amount(limit, unit)
+    if number == limit or texts[0] != texts[1]:
+        return texts
+    factor, unit = (1e3, "mm") if unit == "m" and limit < 1.0 else (1.0, unit)
+    one, other = apart(factor * number, factor * limit)
+    return f"{one} {unit}", f"{other} {unit}"
 
 
 def _amount(value: float, unit: str) -> str:

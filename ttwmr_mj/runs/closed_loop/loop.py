@@ -9,7 +9,7 @@ import numpy as np
 
 from ttwmr_mj.config import column
 from ttwmr_mj.controllers.base import Command
-from ttwmr_mj.errors import MachineError
+from ttwmr_mj.errors import MachineError, apart
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.footing import FLOWN_M, TIPPED_RAD, Footing
 from ttwmr_mj.results.accept import Status
@@ -39,13 +39,17 @@ class Outcome:
             afterwards).
         reason: why, in words; empty when ok.
         time_s: simulated time at the end.
-        cause: the exception behind it, if there is one.
+        cause: the exception behind it, if there is one; it stays in its process, as the law's
+            module that it is of may not be known to another.
     """
 
     status: Status
     reason: str
     time_s: float
-    cause: BaseException | None = None
+    cause: BaseException | None = field(default=None, compare=False)
+
+    def __reduce__(self) -> "tuple[type[Outcome], tuple[Status, str, float]]":
+        return Outcome, (self.status, self.reason, self.time_s)
 
 
 @dataclass(slots=True)
@@ -283,10 +287,12 @@ class Loop:
 def _no_longer_stands(footing: Footing, simulation: int) -> str:
     tilt, height = footing.tilt_rad[simulation], footing.height_m[simulation]
     if tilt > TIPPED_RAD:
-        return f"the robot tipped over: its tilt is {tilt:.2g} rad (limit {TIPPED_RAD:g} rad)"
+        number, limit = apart(tilt, TIPPED_RAD, 2)
+        return f"the robot tipped over: its tilt is {number} rad (limit {limit} rad)"
+    number, limit = apart(abs(height), FLOWN_M, 2)
     if height > 0.0:
-        return f"the robot left the ground: it is {height:.2g} m above it (limit {FLOWN_M:g} m)"
-    return f"the robot fell: it is {-height:.2g} m below the ground (limit {FLOWN_M:g} m)"
+        return f"the robot left the ground: it is {number} m above it (limit {limit} m)"
+    return f"the robot fell: it is {number} m below the ground (limit {limit} m)"
 
 
 def _without(command: Command, ended: list[int]) -> Command:

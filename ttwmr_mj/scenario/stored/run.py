@@ -28,6 +28,7 @@ from ttwmr_mj.state import FloatArray
 # and no motion that differs by less is judged otherwise
 SAME = 1e-6
 LARGEST = 1e9  # rad/s and the like; a law's answer may be as large
+COUNTS = ("wheels_on_floor", "labels_found")
 TOGETHER = (FOOTING, ("labels_found",))  # NaN in all rows where nothing tells them
 HINT = "the file is damaged, or of another run; run the scenario again"
 
@@ -146,6 +147,8 @@ class StoredRun:
         for name, values in columns.items():
             least, most = _range(name, rows.q.shape[-1])
             sound = (least <= values[:reached]) & (values[:reached] <= most)
+            if name in COUNTS:
+                sound &= values[:reached] == np.rint(values[:reached])
             if name == "measurement_age_s":  # infinite until there is a first measurement
                 sound |= values[:reached] == np.inf
             if not sound.all() and name not in unknown and not name.startswith("ref_"):
@@ -157,10 +160,13 @@ def _range(name: str, width: int) -> tuple[float, float]:
     """Least and largest number of a column."""
     if name in (*q_names(width), "height_m"):
         return -ESCAPE, ESCAPE
-    if name == "measurement_age_s":
-        return -SAME, LARGEST
-    counts = {"wheels_on_floor": 2, "labels_found": 2 * (width - 2)}  # two labels on each body
-    return (0, counts[name]) if name in counts else (-LARGEST, LARGEST)
+    if name in COUNTS:
+        return 0, 2 if name == "wheels_on_floor" else 2 * (width - 2)  # two labels on each body
+    return {
+        "measurement_age_s": (-SAME, LARGEST),
+        "tilt_rad": (0.0, np.pi),
+        "wheel_slip_m_s": (0.0, LARGEST),
+    }.get(name, (-LARGEST, LARGEST))
 
 
 def _equal(one: FloatArray, other: FloatArray) -> Any:

@@ -59,8 +59,10 @@ def plain(report: dict[str, Any]) -> str:
             low, high = e["confidence_95"]
             lines.append(f"  {name:34s} {e['value']:.6g}  [{low:.6g}, {high:.6g}]")
         unseen, factors = fit["validation"]["scenario"], fit["validation"]["factor"]
-        lines.append(f"on {unseen}, which was not used for the fit, deviations fell by")
-        lines += [f"  {name:34s} {v:.1f} ×" for name, v in factors.items()]
+        lines.append(f"on {unseen}, which was not used for the fit, deviations")
+        for name, v in factors.items():
+            by = f"fell to 1/{v:.3g}" if v >= 1.0 else f"rose {1.0 / v:.3g}-fold" if v else "rose"
+            lines.append(f"  {name:34s} {by}")
     return "\n".join(lines)
 
 

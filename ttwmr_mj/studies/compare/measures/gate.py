@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.errors import Fault, InputError, shown
+from ttwmr_mj.errors import Fault, InputError, apart, shown
 from ttwmr_mj.files import read_toml
 from ttwmr_mj.scenario.faults import suggestion
 
@@ -20,8 +20,10 @@ class Breach:
     allowed: float
 
     def __str__(self) -> str:
-        got = "undefined" if self.value is None else f"{self.value:.6g}"
-        return f"{self.key}: got {got}, allowed: {self.allowed:g} at most"
+        if self.value is None:
+            return f"{self.key}: got undefined, allowed: {self.allowed:g} at most"
+        got, allowed = apart(self.value, self.allowed)
+        return f"{self.key}: got {got}, allowed: {allowed} at most"
 
 
 def read_tolerances(path: Path, known: Collection[str]) -> dict[str, float]:
