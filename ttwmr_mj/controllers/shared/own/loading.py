@@ -3,7 +3,7 @@
 Python keeps every module under its name, from whatever folder it came. So the modules that laws
 have brought in are forgotten, all of them, as soon as one was changed or is another file as seen
 from the folder of the law that is asked for. What others have imported stays, and a law that has
-its name is refused.
+its name, or that imports another file of that name, is refused.
 """
 
 import importlib
