@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import pickle
 import re
@@ -161,6 +162,89 @@ def test_a_law_that_a_script_imported_is_its_own(
     assert sys.modules["law_h"] is law_h
 
 
+@pytest.mark.parametrize(
+    ("imported", "of_script", "of_law", "said"),
+    [
+        ("gains_m", ["gains_m.py"], "gains_m.py", "import gains_m"),
+        ("gains_n", ["gains_n/__init__.py"], "gains_n.py", "import gains_n"),
+        ("gains_o", ["gains_o/__init__.py"], "gains_o/__init__.py", "import gains_o"),
+        ("gains_p.own", ["gains_p/own.py"], "gains_p/own.py", "import gains_p.own"),
+        (
+            "gains_q",
+            ["gains_q/__init__.py", "gains_q/own.py"],
+            "gains_q/own.py",
+            "import gains_q.own",
+        ),
+        ("gains_r", ["gains_r/own.py"], "gains_r/__init__.py", "import gains_r.own"),
+    ],
+)
+def test_a_helper_that_a_script_imported_from_elsewhere_is_not_the_laws(
+    imported: str,
+    of_script: list[str],
+    of_law: str,
+    said: str,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Packages without an `__init__.py` are folders whose parts may be anywhere."""
+    law, script = tmp_path / "law", tmp_path / "script"
+    write(law / "law_m.py", 3, said)
+    for file in (law / of_law, *(script / name for name in of_script)):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("")
+    monkeypatch.syspath_prepend(str(script))
+    importlib.import_module(imported)
+    told = f"is the name of {script}/gains_.* already, .*; give {law}/{of_law} another name"
+    with pytest.raises(tt.InputError, match=told):
+        made(law, "law_m")
+    assert re.search(told, str(inspected("law_m:L", {}, law)[0]))
+
+
+def test_a_helper_that_a_script_imported_too_is_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "law_s.py", "helper_s.SPEED", "import helper_s")
+    (tmp_path / "helper_s.py").write_text("SPEED = 3")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    its = importlib.import_module("helper_s")
+    assert made(tmp_path, "law_s").speed == 3
+    assert sys.modules["helper_s"] is its
+
+
+def test_what_a_script_has_imported_has_the_scripts_helpers(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "one" / "law_v.py", "helper_v.SPEED", "import helper_v")
+    for folder, speed in (("one", 3), ("two", 2)):
+        (tmp_path / folder).mkdir(exist_ok=True)
+        (tmp_path / folder / "helper_v.py").write_text(f"SPEED = {speed}")
+    monkeypatch.syspath_prepend(str(tmp_path / "one"))
+    importlib.import_module("law_v")
+    assert made(tmp_path / "two", "law_v").speed == 3
+    assert inspected("law_v:L", {}, tmp_path / "two") == []
+
+
+def test_files_that_a_law_does_not_import_take_no_name(tmp_path: Path) -> None:
+    """Nor do folders of the names of what it imports, such as those of results."""
+    more = "import queue\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import signal"
+    write(tmp_path / "law_t.py", 3, more)
+    for name in ("test", "statistics", "signal", "time", "rerun", "ttwmr_mj"):
+        (tmp_path / f"{name}.py").write_text("raise ValueError")
+    for name in ("numpy", "queue"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.py").write_text("raise ValueError")
+    assert inspected("law_t:L", {}, tmp_path) == []
+    assert made(tmp_path, "law_t").speed == 3
+
+
+def test_a_law_that_is_not_found_is_told_where_scripts_say_it_is(tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(SCENARIO.replace("NAME", "law_u"))
+    scenario = tt.load_scenario(tmp_path / "s.toml")
+    told = f"here in {re.escape(str(Path.cwd()))} .scripts say where with scenario_folder"
+    with pytest.raises(tt.InputError, match=told):
+        tt.simulate(scenario)
+
+
 def test_a_law_defined_in_a_script(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     class Here(tt.Controller):
         def start(self, task: tt.Task) -> None:
@@ -179,15 +263,25 @@ def test_a_law_defined_in_a_script(monkeypatch: pytest.MonkeyPatch, tmp_path: Pa
     [
         ("platform", "platform is the name of .*platform.py already, .*; give .*platform.py"),
         ("zipapp", "zipapp is the name of .*zipapp.py already"),  # which nobody imports
-        ("time", "time is built into Python, .*; give your file another name"),
+        ("rerun", "rerun is the name of .*rerun/__init__.py already"),  # drawing comes later
+        ("time", "time is built into Python, .*; give .*time.py another name"),
     ],
 )
 @pytest.mark.parametrize("command", ["validate", "run"])
+@pytest.mark.parametrize("helper", [False, True])
 def test_a_name_of_pythons_own_is_refused(
-    command: str, name: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    *,
+    helper: bool,
+    command: str,
+    name: str,
+    told: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     write(tmp_path / f"{name}.py", 3)
-    (tmp_path / "s.toml").write_text(SCENARIO.replace("NAME", name))
+    write(tmp_path / "law_l.py", 3, "import helper_l")
+    (tmp_path / "helper_l.py").write_text(f"def later():\n    import {name}")
+    (tmp_path / "s.toml").write_text(SCENARIO.replace("NAME", "law_l" if helper else name))
     out = ["--out", str(tmp_path / "out")] if command == "run" else []
     assert main([command, str(tmp_path / "s.toml"), *out]) == 2
     assert re.search(told, capsys.readouterr().err)

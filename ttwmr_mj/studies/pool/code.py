@@ -13,6 +13,7 @@ from functools import cache
 from pathlib import Path
 
 import ttwmr_mj
+from ttwmr_mj.controllers.shared.own.imports import imported_by, is_for_type_checkers
 from ttwmr_mj.controllers.shared.own.modules import (
     OF_PYTHON,
     file_of,
@@ -106,34 +107,27 @@ def _read(path: Path, version: tuple[int, int], name: str) -> tuple[str, tuple[s
     None in place of names: nobody can tell.
     """
     del version
-    package = name if path.name == "__init__.py" else name.rpartition(".")[0]
     content = path.read_bytes()
     try:
         tree = ast.parse(content)
     except (SyntaxError, ValueError):  # no Python source
         return _digest(content), None
     _Computing().visit(tree)  # in place
-    return _digest(ast.dump(tree).encode()), tuple(sorted(set(_imported(tree, package))))
+    return _digest(ast.dump(tree).encode()), tuple(
+        sorted({*imported_by(tree, name, path), *_named(tree)})
+    )
+
+
+def _named(tree: ast.AST) -> Iterator[str]:
+    """Modules of this package that are named in strings."""
+    for node in ast.walk(tree):
+        match node:
+            case ast.Constant(value=str(text)) if text.startswith(f"{NAME}."):
+                yield text.partition(":")[0]
 
 
 def _digest(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()[:16]
-
-
-def _imported(tree: ast.AST, package: str) -> Iterator[str]:
-    for node in ast.walk(tree):
-        match node:
-            case ast.Import(names=names):
-                yield from (alias.name for alias in names)
-            case ast.ImportFrom(module=module, names=names, level=level):
-                if level > len([*filter(None, package.split("."))]):
-                    continue  # above the outermost package there is nothing
-                above = package.split(".")[: package.count(".") + 2 - level] if level else []
-                base = ".".join([*above, *([module] if module else [])])
-                yield base
-                yield from (f"{base}.{alias.name}" for alias in names)
-            case ast.Constant(value=str(text)) if text.startswith(f"{NAME}."):
-                yield text.partition(":")[0]
 
 
 class _Computing(ast.NodeTransformer):
@@ -144,7 +138,7 @@ class _Computing(ast.NodeTransformer):
         if isinstance(body, list) and not isinstance(node, ast.If) and _is_text(body[:1]):
             del body[0]
         self.generic_visit(node)
-        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.dump(node.test):
+        if is_for_type_checkers(node):
             return list(node.orelse)
         return node
 

@@ -3,7 +3,7 @@
 Python keeps every module under its name, from whatever folder it came. So the modules that laws
 have brought in are forgotten, all of them, as soon as one was changed or is another file as seen
 from the folder of the law that is asked for. What others have imported stays, and a law that has
-its name is refused.
+its name, or that imports another file of that name, is refused.
 """
 
 import importlib
@@ -15,9 +15,11 @@ from threading import RLock
 from types import ModuleType
 from typing import NamedTuple
 
+from ttwmr_mj.controllers.shared.own.imports import OURS, reached
 from ttwmr_mj.controllers.shared.own.modules import (
     OF_PYTHON,
     file_of,
+    file_within,
     found,
     is_installed,
     is_namespace,
@@ -25,7 +27,6 @@ from ttwmr_mj.controllers.shared.own.modules import (
 from ttwmr_mj.errors import Fault, InputError, Overrun, described
 from ttwmr_mj.files import resolved
 
-OURS = __name__.partition(".")[0]
 KEY = ("controller", "target")
 
 
@@ -67,49 +68,57 @@ def load(target: str, folder: Path) -> ModuleType:
             raise
         except BaseException as error:  # a user's module may raise anything, and leave
             problem = f"importing {module} raised {described(error)}"
-            hint = f"it must be beside the scenario ({folder}) or on the Python path"
-            raise InputError(Fault(key=KEY, got=got, problem=problem, hint=hint)) from error
+            fault = Fault(key=KEY, got=got, problem=problem, hint=where_to_be(folder))
+            raise InputError(fault) from error
         finally:
             with suppress(ValueError):  # the module may have changed the path
                 sys.path.remove(str(folder))
             _remember({*sys.modules} - before)
 
 
-def name_taken(target: str, folder: Path) -> Fault | None:
-    """That an import of a law would not read the file that it should.
+def where_to_be(folder: Path) -> str:
+    """Where a law must be to be found."""
+    return (
+        f"it must be beside the scenario, here in {folder} (scripts say where with "
+        "scenario_folder), or on the Python path"
+    )
 
-    Names of Python's own modules are taken whether or not anybody has imported them yet: all who do
-    so later would get the law.
+
+def name_taken(target: str, folder: Path) -> Fault | None:
+    """That an import of a law, or one of its own, would not read the file that it should.
+
+    Names of what is installed are taken whether or not anybody has imported them yet: all who do
+    so later would get the law's.
     """
-    module = target.partition(":")[0]
-    parts = module.split(".")
-    for name in (".".join(parts[:count]) for count in range(1, len(parts) + 1)):
-        spec = None if name in _brought else found(name, folder)
-        if spec is None:
+    installed = [place for place in sys.path if is_installed(Path(place))]
+    of_others = {*sys.modules} - {*_brought}
+    for name in reached(target.partition(":")[0], folder, of_others):
+        spec = found(name, folder)
+        seen = file_of(spec) if spec is not None else None
+        wanted = file_within(name, [str(folder)]) or seen
+        if spec is None or wanted is None or is_installed(wanted):
             continue
-        there = _in_process(name)
+        hint = f"give {wanted} another name"
         if spec.origin in OF_PYTHON:
             problem = f"{name} is built into Python, and no file is imported by that name"
-            return _taken(target, problem, "give your file another name")
-        wanted = file_of(spec)
-        if wanted is not None and there is not None and resolved(wanted) != resolved(there):
-            problem = f"{name} is the name of {there} already, which may be in use"
-            return _taken(target, problem, f"give {wanted} another name")
+            return Fault(key=KEY, got=repr(target), problem=problem, hint=hint)
+        for other in (
+            _in_process(name) if name in of_others else None,
+            seen,
+            file_within(name, installed),
+        ):
+            if other is not None and resolved(other) != resolved(wanted):
+                problem = f"{name} is the name of {other} already, which may be in use"
+                return Fault(key=KEY, got=repr(target), problem=problem, hint=hint)
     return None
 
 
-def _taken(target: str, problem: str, hint: str) -> Fault:
-    return Fault(key=KEY, got=repr(target), problem=problem, hint=hint)
-
-
 def _in_process(name: str) -> Path | None:
-    """The file that a name stands for in this process or in Python; None: it is free."""
-    module = sys.modules.get(name)
-    if module is None:
-        spec = found(name) if name in sys.stdlib_module_names else None
-    else:
-        spec = getattr(module, "__spec__", None)
-    return file_of(spec) if spec is not None else None
+    """The file or folder that was imported under a name; None: there is none."""
+    spec = getattr(sys.modules.get(name), "__spec__", None)
+    if spec is None or not is_namespace(spec):
+        return file_of(spec) if spec is not None else None
+    return next(map(Path, spec.submodule_search_locations), None)
 
 
 def _forget_the_old(folder: Path) -> None:

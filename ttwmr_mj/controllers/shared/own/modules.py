@@ -16,6 +16,7 @@ from ttwmr_mj.files import resolved
 
 OF_PYTHON = ("built-in", "frozen")  # what the import system says of modules in the interpreter
 INSTALLED = ("site-packages", "dist-packages")  # where code lies that nobody edits
+STANDARD = {resolved(Path(sysconfig.get_path(name))) for name in ("stdlib", "platstdlib")}
 
 
 def found(module: str, folder: Path | None = None) -> ModuleSpec | None:
@@ -46,6 +47,15 @@ def found(module: str, folder: Path | None = None) -> ModuleSpec | None:
     return sys.modules[module].__spec__ or ModuleSpec(module, None)
 
 
+def file_within(module: str, places: Iterable[str]) -> Path | None:
+    """The file of a module as an import would find it if there were no other folders than these."""
+    spec = None
+    for end in (*(at for at, sign in enumerate(module) if sign == "."), len(module)):
+        spec = _on_paths(module[:end], places)
+        places = (spec.submodule_search_locations if spec is not None else None) or ()
+    return file_of(spec) if spec is not None else None
+
+
 def file_of(spec: ModuleSpec) -> Path | None:
     """The file that holds a module: its own, or the archive that it is in; None: it is in none."""
     origin = Path(spec.origin or "")
@@ -60,8 +70,7 @@ def is_namespace(spec: ModuleSpec) -> bool:
 def is_installed(file: Path) -> bool:
     """Whether a file is Python's own, or of a distribution that is not installed editable."""
     here = resolved(file)
-    own = (resolved(Path(sysconfig.get_path(name))) for name in ("stdlib", "platstdlib"))
-    return not {*INSTALLED}.isdisjoint(here.parts) or any(map(here.is_relative_to, own))
+    return not {*INSTALLED}.isdisjoint(here.parts) or any(map(here.is_relative_to, STANDARD))
 
 
 def modules_within(package: str, folder: Path | None = None) -> Iterator[str]:

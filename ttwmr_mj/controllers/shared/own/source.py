@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ttwmr_mj.controllers.shared.own.loading import KEY, name_taken
+from ttwmr_mj.controllers.shared.own.loading import KEY, name_taken, where_to_be
 from ttwmr_mj.controllers.shared.own.modules import file_of, found
 from ttwmr_mj.errors import Fault
 
@@ -29,8 +29,8 @@ def inspected(target: str, options: Mapping[str, Any], folder: Path) -> list[Fau
     spec = found(module, folder)
     file = file_of(spec) if spec is not None else None
     if file is None:
-        hint = f"it must be beside the scenario ({folder}) or on the Python path"
-        return [Fault(key=KEY, got=repr(target), problem=f"there is no module {module}", hint=hint)]
+        problem = f"there is no module {module}"
+        return [Fault(key=KEY, got=repr(target), problem=problem, hint=where_to_be(folder))]
     if file.suffix != ".py":
         return []  # built, or in an archive: loading it says more
     try:
