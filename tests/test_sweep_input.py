@@ -296,7 +296,7 @@ def test_seeds_are_checked_where_they_decide(tmp_path: Path) -> None:
         (["quick"], "this is a suite of controllers and tasks, not a sweep; ttwmr bench quick"),
         (["mine.toml", "--shard", "3/2"], "--shard: got '3/2'; allowed: i/n"),
         (["mine.toml", "--record", "worst"], "--record: got 'worst'; allowed: worst:N"),
-        (["mine.toml", "--record", "failed:0"], "--record: got 'failed:0'"),
+        (["mine.toml", "--record", "failed:0"], "N, median or failed:N, with N at least 1"),
         (["mine.toml", "--max-rows", "11"], "got 12 rows; allowed: at most 11"),
         (["mine.toml", "--set", "nonsense"], "--set nonsense: allowed: key.path=value"),
         (["mine.toml", "--out", "full"], "--out: got full; the folder holds something, and no"),

@@ -21,7 +21,7 @@ from ttwmr_mj.studies.sweep.folder.results import RESULTS_FILE
 from ttwmr_mj.studies.sweep.plan.plan import Plan
 from ttwmr_mj.studies.sweep.words import command_of
 
-ALLOWED = "worst:N, best:N, median or failed:N"
+ALLOWED = "worst:N, best:N, median or failed:N, with N at least 1"
 
 
 @dataclass(frozen=True, slots=True)
