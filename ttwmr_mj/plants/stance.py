@@ -42,8 +42,8 @@ class Tyres(NamedTuple):
 class Stance:
     """Tells how robots stand, from what a batch of MuJoCo's data says of them.
 
-    Reading is quick; what the readings say is computed later, of many at once, and of the tractor's
-    joints alone: all else in MuJoCo's data is of the beginning of the last step.
+    Reading is quick; what the readings say is computed later, of many at once. Places and speeds
+    follow from the joints: all else in MuJoCo's data is of the beginning of the last step.
     """
 
     def __init__(

@@ -89,7 +89,8 @@ class Relief:
         geoms = {model.geom(i).name: i for i in range(model.ngeom)}
         self._kerbs = [geoms[name] for name in geoms if name.startswith("kerb_")]
         self._model, self._terrain = model, geoms.get(TERRAIN)
-        self._boxes = [i for i in range(model.ngeom) if _is_plate(model, i)]
+        others = sorted({*range(model.ngeom)} - {*self._kerbs})
+        self._boxes = [geom for geom in others if _is_plate(model, geom)]
         self.flat = self._terrain is None and not self._kerbs
         self.plain = self.flat and not self._boxes
         self.lowest_m = self.highest_m = 0.0

@@ -73,9 +73,8 @@ def track(
     """
     from ttwmr_mj.studies.track.recording import TrackRecorder
 
-    camera = load_calibration(calibration_path).camera
     layout = read_layout(build_model(robot, ContactOptions()))
-    _refuse_blind(camera, layout, calibration_path)
+    camera = _camera(calibration_path, layout)
     tracker = Tracker(camera, layout, robot, FREE_MOTION)
     rows: list[tuple[float, ...]] = []
     stopped, pace = False, pace or Pace()
@@ -110,10 +109,12 @@ def _until(faults: list[RunError], frames: Iterator[Frame]) -> Iterator[Frame]:
         faults.append(fault)
 
 
-def _refuse_blind(camera: CameraModel, layout: LabelLayout, calibration_path: Path) -> None:
-    """Raise an InputError where this camera cannot see the labels."""
+def _camera(calibration_path: Path, layout: LabelLayout) -> CameraModel:
+    """The camera of a calibration; an InputError where it cannot see the labels."""
+    camera = load_calibration(calibration_path).camera
     if fault := label_fault(camera, layout, NARROWEST_LABEL_PX):
         raise InputError(fault, file=str(calibration_path))
+    return camera
 
 
 def _kept(rows: list[tuple[float, ...]], folder: Path, source: str, stopped: bool) -> Track:
