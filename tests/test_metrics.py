@@ -11,7 +11,7 @@ from ttwmr_mj.dynamics.flatness import point_behind
 from ttwmr_mj.results.accept import END_SHARE, AcceptOptions
 from ttwmr_mj.results.curves import start_of_last
 from ttwmr_mj.results.metrics import METRICS, score
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import TORQUE_SIGNALS, Trajectory
 from ttwmr_mj.results.verdict import judge
 from ttwmr_mj.robot import RobotParameters, Trailer
 
@@ -152,6 +152,16 @@ def test_undefined_is_none_and_never_zero() -> None:
         name for name in METRICS if name in of_reference
     ]
     assert got["wheel_speed_max_rad_s"] == 5.0
+
+
+def test_a_law_that_gives_torques_and_no_speeds_is_not_without_effort() -> None:
+    rows = two()
+    rows.wheel_command_rad_s[:, 0] = 0.0
+    assert score(rows, ROBOT)[0]["control_effort"] == 0.0  # speeds drive: it stands
+    rows.add_signals(TORQUE_SIGNALS)
+    silent, tells = score(rows, ROBOT)
+    assert silent["control_effort"] is None
+    assert tells["control_effort"] == SECOND["control_effort"]  # it names the speeds it wants
 
 
 @pytest.mark.parametrize(

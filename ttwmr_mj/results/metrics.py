@@ -13,7 +13,7 @@ import numpy as np
 
 from ttwmr_mj.results.accept import SLIPPING_M_S
 from ttwmr_mj.results.curves import Curves, require_rows, require_run, start_of_last
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import TORQUE_SIGNALS, Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
@@ -210,7 +210,7 @@ def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:
         "theta1": curves.theta_error_rad[..., 0],
         "theta2": curves.theta_error_rad[..., 1],
         "wheel_speed": np.abs(rows.wheel_speed_rad_s).max(axis=-1),
-        "command_squared": (rows.wheel_command_rad_s**2).sum(axis=-1),
+        "command_squared": _where_told((rows.wheel_command_rad_s**2).sum(axis=-1), rows),
         "saturated": rows.saturated,
         "near_singular": rows.near_singular & ~_resting(rows),
         "seen_position": np.hypot(seen[..., 0], seen[..., 1]),
@@ -230,6 +230,12 @@ def _resting(rows: Trajectory) -> BoolArray:
     return np.asarray(np.hypot(*np.moveaxis(rows.ref_q_rate[..., :2], -1, 0)) < RESTING_M_S)
 
 
+def _where_told(command_squared: FloatArray, rows: Trajectory) -> FloatArray:
+    """NaN for a law that drives by torques and names no speeds: that is no law without effort."""
+    silent = TORQUE_SIGNALS[0] in rows.signals and not command_squared.any()
+    return np.full_like(command_squared, np.nan) if silent else command_squared
+
+
 def _where_known(condition: BoolArray, of: FloatArray) -> FloatArray:
     return np.where(np.isfinite(of), condition, np.nan)
 
@@ -237,8 +243,9 @@ def _where_known(condition: BoolArray, of: FloatArray) -> FloatArray:
 def score(trajectory: Trajectory, robot: RobotParameters) -> tuple[Metrics, ...]:
     """All METRICS of every simulation, in order; a value is None where it is undefined.
 
-    Undefined are: errors against a reference that does not exist, settling that never happens, and
-    everything of a run without a single finite row.
+    Undefined are: errors against a reference that does not exist, settling that never happens, the
+    control effort of a law that gives torques and no speeds, and everything of a run without a
+    single finite row.
 
     Raises:
         InputError: the trajectory has no rows, or is of a robot with more or fewer trailers.

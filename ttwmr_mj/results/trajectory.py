@@ -29,6 +29,8 @@ PER_SAMPLE: dict[str, float | bool] = {  # arrays (n, nsim), each one column →
 }
 # arrays (n, nsim) that older files lack, each one column; NaN on the analytic plants
 FOOTING = ("tilt_rad", "height_m", "wheels_on_floor", "wheel_slip_m_s")
+# where torques drive the robot: what the law asks of the right and of the left wheel
+TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
 MOST = 1e100  # of any number but a law's signals: squares and sums of such are still numbers
 PIECE_ROWS = 4_096  # written at a time: an hour in one table takes 80 MB
 WIDEST = 2 + 99  # width of q: files of trains may have angles of two digits

@@ -10,12 +10,11 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.controllers.base import Command
-from ttwmr_mj.results.trajectory import is_column_of_a_train
+from ttwmr_mj.results.trajectory import TORQUE_SIGNALS, is_column_of_a_train
 from ttwmr_mj.state import FloatArray
 
 SIGNAL_NAME = re.compile(r"[a-z][a-z0-9_]{0,99}")
 MOST_SIGNALS = 200
-TORQUE_SIGNALS = ("wheel_torque_right_n_m", "wheel_torque_left_n_m")
 LARGEST = 1e9  # rad/s or N·m: squares and sums of such numbers are still numbers
 
 

@@ -11,14 +11,13 @@ from ttwmr_mj.errors import RunError
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.plants.base import Plant
 from ttwmr_mj.plants.contact import ContactPlant
-from ttwmr_mj.results.trajectory import Trajectory
+from ttwmr_mj.results.trajectory import TORQUE_SIGNALS, Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.build import generator, make_plant
 from ttwmr_mj.runs.closed_loop.actuation import Actuation
 from ttwmr_mj.runs.closed_loop.loop import Outcome, Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.experiment import Experiment
-from ttwmr_mj.runs.law.answers import TORQUE_SIGNALS
 from ttwmr_mj.scenario.motion import initial_state, sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import THETA2, FloatArray, RobotState
