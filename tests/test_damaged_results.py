@@ -314,6 +314,8 @@ def test_a_table_that_is_no_trajectory_is_refused(
     scenario = tt.load_scenario("lab_circle", ["plant.kind=analytic", "duration_s=0.033"])
     table = tt.simulate(scenario).trajectory.to_table()
     assert len(Trajectory.of_table(table, "a file")) == 2
+    with pytest.raises(InputError, match="a file: not a trajectory: it has no rows"):
+        Trajectory.of_table(table.slice(0, 0), "a file")
     for name, values in change.items():
         place = table.schema.get_field_index(name)
         table = table.set_column(place, name, pa.array(values))

@@ -101,6 +101,19 @@ def test_outside_the_main_thread_an_answer_is_judged_when_it_comes() -> None:
     assert "timed out after 0.2 s" in results[0].outcomes[0].reason
 
 
+def test_a_limit_that_rings_while_it_is_set_ends_the_call_alone() -> None:
+    """Not what comes after it: the timer has stopped, however early it rang."""
+    for limit_s in (1e-6, 1e-5, 2e-5):
+        deadline = Deadline(limit_s)
+        deadline.arm()
+        for _ in range(100):
+            with suppress(Overrun), deadline:
+                pass
+            assert not deadline._running
+            assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+        deadline.disarm()
+
+
 def test_without_a_timer_waiting_is_judged_when_it_ends() -> None:
     with pytest.raises(Overrun), Deadline(0.01):  # never armed
         time.sleep(0.2)

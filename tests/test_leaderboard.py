@@ -317,3 +317,15 @@ def test_what_has_no_number_takes_longest_or_is_left_out() -> None:
     assert of("error, mm", 0.001, 0.002, None) == (2.0, inf)
     assert of("saturated, %", 0.1, 0.2, None) == pytest.approx((15.0, 20.0))
     assert of("blind, %", None, None) is None
+
+
+def test_a_run_that_broke_off_counts_as_worse_than_any_in_every_column() -> None:
+    runs = [
+        Run(
+            i, "failed", "", effort is not None, dict.fromkeys(COLUMNS) | {"effort, rad²/s": effort}
+        )
+        for i, effort in enumerate([3.0, 1.0, 2.0, None, None, None, None])
+    ]
+    names = {axis: names[0] for axis, names in ORDER.items()}
+    found = Line(names, tuple(runs), "steady", True, "", None).statistic("effort, rad²/s")
+    assert found == (float("inf"), 1.0, float("inf"), float("inf"))

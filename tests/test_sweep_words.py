@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from ttwmr_mj.results.statistics import Paired, paired
-from ttwmr_mj.studies.sweep.answers.words import Shown, compared, numbers
+from ttwmr_mj.results.statistics import Interval, Paired, paired
+from ttwmr_mj.studies.sweep.answers.words import Shown, compared, interval_cell, numbers
 
 
 @pytest.mark.parametrize(
@@ -26,7 +26,7 @@ def found(better: int, worse: int, equal: int) -> Paired:
     """Of so many pairs."""
     difference = np.repeat([-1e-3, 1e-3, 0.0], [better, worse, equal])
     none = np.zeros(len(difference), bool)
-    return paired(difference, 0.0 * difference, (none, none), np.random.default_rng(1))
+    return paired(difference, 0.0 * difference, (none, none))
 
 
 @pytest.mark.parametrize(
@@ -42,3 +42,26 @@ def found(better: int, worse: int, equal: int) -> Paired:
 )
 def test_of_two_variants_it_is_told_what_differs(counts: tuple[int, int, int], told: str) -> None:
     assert told in compared("one", "two", found(*counts), Shown("error", 1e3, "mm"))
+
+
+@pytest.mark.parametrize("theirs", [np.nan, np.inf])
+def test_where_no_pair_can_be_compared_that_is_told(theirs: float) -> None:
+    """What their plant does not have, or none of either got."""
+    none = np.zeros(3, bool)
+    ours = np.full(3, 2e-3 if np.isnan(theirs) else np.inf)
+    told = compared("a", "b", paired(ours, np.full(3, theirs), (none, none)), Shown("e", 1e3, "mm"))
+    assert told == "No pair of a and b has a e to compare."
+
+
+@pytest.mark.parametrize(
+    ("found", "cell"),
+    [
+        (Interval(2.0, -np.inf, np.inf), ("2", 2.0, "")),
+        (Interval(np.inf, -np.inf, np.inf), ("∞", np.inf, "")),
+        (Interval(np.inf, 3.0, np.inf), ("∞", np.inf, "[3, ∞]")),
+        (Interval(2.0, -np.inf, 3.0), ("2", 2.0, "[−∞, 3]")),
+        (Interval(np.nan, np.nan, np.nan), ("–", np.inf, "")),
+    ],
+)
+def test_ends_that_are_open_are_no_interval(found: Interval, cell: tuple[str, float, str]) -> None:
+    assert interval_cell(found) == cell

@@ -90,6 +90,11 @@ class Metric(NamedTuple):
         return f"{SUMS[self.sum_up].words} {QUANTITIES[self.of].words}"
 
     @property
+    def may_never_come(self) -> bool:
+        """Whether a finished run without it is worse than any that has it; else it is undefined."""
+        return self.sum_up is _settling_time
+
+    @property
     def unit(self) -> str:
         """As people write it; 1 of shares."""
         unit = QUANTITIES[self.of].unit

@@ -1,14 +1,19 @@
 """Which parameter matters: Sobol indices of a number over a design of runs."""
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.results.statistics import LEVEL, RESAMPLES, Interval
+from ttwmr_mj.results.statistics import LEVEL, Interval
 from ttwmr_mj.state import FloatArray
 
+RESAMPLES = 2000  # of the bootstrap: its 2.5 % ends then rest on 50 resamples each
 CONVERGED = 0.1  # an index whose interval is wider than ± this is not converged
 FEWEST = 16  # base samples below which a bootstrap says nothing about its own width
+# runs that the variance must rest on, such as as many failures of a number that is 0 or 1: of what
+# few runs differ in a parameter may by chance have changed nothing, in any resample
+CARRIERS = 50.0
 
 
 class Indices(NamedTuple):
@@ -17,8 +22,9 @@ class Indices(NamedTuple):
     Attributes:
         first: share of the variance that it causes alone.
         total: share that goes when it is fixed, with all that it does together with others.
-        converged: whether both intervals are narrow enough to be read, and all totals together can
-            be the 1 or more that they are of any number that varies.
+        converged: whether both intervals are narrow enough to be read, enough runs carry the
+            variance, and all totals together can be the 1 or more that they are of any number that
+            varies.
     """
 
     first: Interval
@@ -59,8 +65,21 @@ def sobol_indices(
     found = [(interval(first, drawn[0], i), interval(total, drawn[1], i)) for i in range(len(ab))]
     # what varies only in rows that the indices give no weight, such as a failure in B, is explained
     # by nobody, and by any resample alike
-    readable = n >= FEWEST and sum(total.high for _, total in found) >= 1.0 - CONVERGED
+    whole = sum(total.high for _, total in found) >= 1.0 - CONVERGED
+    readable = n >= FEWEST and whole and _carriers(np.concatenate([a, b, *ab])) >= CARRIERS
     return [Indices(*both, readable and all(map(_narrow, both))) for both in found]
+
+
+def _carriers(values: FloatArray) -> float:
+    """How many of n values carry their variance: n/(kurtosis − 1).
+
+    The standard error of the variance is one over the root of this, relative to it. Of n normal
+    values n/2; where few of n differ from the others, about their number; where two values are as
+    frequent as each other, no limit.
+    """
+    off = (values - values.mean()) ** 2
+    spread = float(off.var())
+    return math.inf if spread == 0.0 else len(values) * float(off.mean()) ** 2 / spread
 
 
 def _narrow(index: Interval) -> bool:

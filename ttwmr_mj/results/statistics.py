@@ -6,7 +6,6 @@ such runs. Nothing is dropped here.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,7 +14,6 @@ import numpy as np
 from ttwmr_mj.state import FloatArray
 
 LEVEL = 0.95
-RESAMPLES = 2000  # of a bootstrap: its 2.5 % ends then rest on 50 resamples each
 
 
 class Interval(NamedTuple):
@@ -42,43 +40,32 @@ def share(count: int, of: int, level: float = LEVEL) -> Interval:
     return Interval(count / of if of else math.nan, low, high)
 
 
-def quantile(values: FloatArray, at: float, rng: np.random.Generator) -> Interval:
-    """A quantile (0.5: the median) of values (n,), with its percentile bootstrap interval.
+def quantile(values: FloatArray, at: float) -> Interval:
+    """A quantile (0.5: the median) of values (n,), with an interval whatever the distribution.
 
-    The k-th smallest of n draws with replacement is the value at place ⌈n·U⌉ of the sorted ones,
-    where U is the k-th smallest of n uniform numbers, which has a beta distribution: a resample
-    costs two random numbers, not n. No value gives NaN; one value no interval, but infinite ends.
-    """
-    ranked, n = np.sort(values), len(values)
-    if n == 0:
-        return Interval(math.nan, math.nan, math.nan)
-    place = at * (n - 1)
-    below, part = math.floor(place), place - math.floor(place)
-    value = float(_between(ranked[below], ranked[min(below + 1, n - 1)], part))
-    if n == 1:
-        return Interval(value, -math.inf, math.inf)
-    first = rng.beta(below + 1, n - below, RESAMPLES)
-    rest = n - below - 1  # uniform numbers above the first; the smallest of them is the next
-    shrink = rng.random(RESAMPLES) ** (1.0 / rest) if rest else np.ones(RESAMPLES)
-    second = 1.0 - (1.0 - first) * shrink
-    low, high = (ranked[np.minimum((n * u).astype(int), n - 1)] for u in (first, second))
-    found = np.sort(_between(low, high, part))
-    cut = round(0.5 * (1.0 - LEVEL) * RESAMPLES)
-    return Interval(value, float(found[cut]), float(found[-1 - cut]))
-
-
-def median_interval(values: Sequence[float]) -> tuple[float, float] | None:
-    """Interval of the population's median, whatever the distribution: two of the values.
-
-    The k-th smallest and the k-th largest, with the largest k for which they hold the median
-    between them at LEVEL: 1 − 2·Pr(fewer than k of n fall below it). None of five and less. For the
-    few seeds of a task, where a bootstrap would be too sure.
+    Its ends are two of the values, or open, that is, infinite. Of n runs the number that fall below
+    the population's quantile is binomial: the k-th smallest value is the lower end, with the
+    largest k for which it is at most 2.5 % probable that fewer than k do; the upper one likewise.
+    Where no value is far enough out, as of a median of five or less, or above a 95 % quantile of
+    less than 72, that end is open; a bootstrap would be too sure. NaN is no value; of none all
+    three are NaN.
     """
     from scipy.stats import binom
 
-    n = len(values)
-    k = sum(binom.cdf(i, n, 0.5) <= 0.5 * (1.0 - LEVEL) for i in range(n))
-    return (sorted(values)[k - 1], sorted(values)[n - k]) if k else None
+    ranked = np.sort(values[~np.isnan(values)])
+    if not (n := len(ranked)):
+        return Interval(math.nan, math.nan, math.nan)
+    place = at * (n - 1)
+    below, part = math.floor(place), place - math.floor(place)
+    value = _between(float(ranked[below]), float(ranked[min(below + 1, n - 1)]), part)
+    at_most = binom.cdf(np.arange(n), n, at)  # 0, 1, … n − 1 below the population's quantile
+    tail = 0.5 * (1.0 - LEVEL)
+    low, high = int((at_most <= tail).sum()), int((at_most < 1.0 - tail).sum())
+    return Interval(
+        value,
+        float(ranked[low - 1]) if low else -math.inf,
+        float(ranked[high]) if high < n else math.inf,
+    )
 
 
 def sign_test(wins: int, losses: int) -> float:
@@ -88,13 +75,11 @@ def sign_test(wins: int, losses: int) -> float:
     return float(binomtest(wins, wins + losses).pvalue) if wins + losses else 1.0
 
 
-def _between(low: FloatArray, high: FloatArray, part: float) -> FloatArray:
+def _between(low: float, high: float, part: float) -> float:
     """Part of the way from low to high, each of which may be infinite."""
-    if part == 0.0:
+    if part == 0.0 or low == high:
         return low
-    with np.errstate(invalid="ignore"):
-        inside = low + part * (high - low)
-    return np.where(np.isfinite(low) & np.isfinite(high), inside, np.where(low == high, low, high))
+    return low + part * (high - low)
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +93,7 @@ class Paired:
         failures: failure rate of ours minus theirs; its interval holds at least LEVEL.
         difference: median of ours minus theirs over the pairs that have a difference.
         better, worse: pairs in which ours is smaller, and larger; a number beats none.
-        unknown: pairs in which neither has a number.
+        unknown: pairs in which neither has a number, or it is undefined for one of them.
         wins: better per better or worse, with its exact interval; a sign test.
     """
 
@@ -134,21 +119,16 @@ class Paired:
         return (self.difference.low > 0.0) - (self.difference.high < 0.0)
 
 
-def paired(
-    ours: FloatArray,
-    theirs: FloatArray,
-    failed: tuple[np.ndarray, np.ndarray],
-    rng: np.random.Generator,
-) -> Paired:
-    """Compare numbers (n,) pair by pair; infinite where a run has none.
+def paired(ours: FloatArray, theirs: FloatArray, failed: tuple[np.ndarray, np.ndarray]) -> Paired:
+    """Compare numbers (n,) pair by pair; infinite where a run has none, NaN where none is defined.
 
     Args:
         ours: of one alternative.
         theirs: of the other.
         failed: (n,) which runs failed, of either.
-        rng: for the bootstrap.
     """
-    known = np.isfinite(ours) | np.isfinite(theirs)
+    undefined = np.isnan(ours) | np.isnan(theirs)
+    known = ~undefined & (np.isfinite(ours) | np.isfinite(theirs))
     difference = ours[known] - theirs[known]
     better, worse = int((difference < 0.0).sum()), int((difference > 0.0).sum())
     only_ours, only_theirs = (int((a & ~b).sum()) for a, b in (failed, failed[::-1]))
@@ -158,7 +138,7 @@ def paired(
         only_theirs=only_theirs,
         both=int((failed[0] & failed[1]).sum()),
         failures=share_difference(only_ours, only_theirs, len(ours)),
-        difference=quantile(difference, 0.5, rng),
+        difference=quantile(difference, 0.5),
         better=better,
         worse=worse,
         unknown=int((~known).sum()),

@@ -197,8 +197,10 @@ class Trajectory(ArrayFields):
             cut = [*missing[:5], *(["and others"] if missing[5:] else [])]
             raise InputError(f"not a trajectory: it lacks {', '.join(cut)}", file=file)
         columns = {name: _numbers(table[name], name, file) for name in names}
+        if not table.num_rows:
+            raise InputError("not a trajectory: it has no rows", file=file)
         rising = np.diff(columns["time_s"][:, 0], prepend=-np.inf) > 0.0
-        if not rising.size or not rising.all() or not np.isfinite(columns["time_s"]).all():
+        if not rising.all() or not np.isfinite(columns["time_s"]).all():
             raise InputError("not a trajectory: its times do not increase", file=file)
         for name in filter(columns.__contains__, known):
             beyond = np.isfinite(columns[name]) & (np.abs(columns[name]) > MOST)

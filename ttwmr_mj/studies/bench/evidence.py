@@ -1,10 +1,12 @@
 """What runs of several seeds can show: intervals, and whether one law is better than another."""
 
-import statistics
+import math
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from ttwmr_mj.results.statistics import median_interval, sign_test
+import numpy as np
+
+from ttwmr_mj.results.statistics import quantile, sign_test
 
 SIGNIFICANCE = 0.05  # largest p at which two laws differ
 
@@ -28,8 +30,10 @@ class Statistic(NamedTuple):
     def of(cls, values: Sequence[float], scale: float = 1.0) -> "Statistic":
         """Of the values of all runs, at least one."""
         scaled = [scale * value for value in values]
-        low, high = median_interval(scaled) or (None, None)
-        return cls(statistics.median(scaled), low, high, max(scaled) if len(scaled) > 1 else None)
+        median, low, high = quantile(np.array(scaled), 0.5)
+        few, one = low == -math.inf, len(scaled) == 1
+        ends = (None, None) if few else (low, high)
+        return cls(median, ends[0], ends[1], None if one else max(scaled))
 
 
 class Outcome(NamedTuple):

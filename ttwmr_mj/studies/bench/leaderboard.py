@@ -29,8 +29,8 @@ RULES = (
     "They cover the second half of a run; where the condition says “whole run”, all of it.",
     "A run has failed if its verdict (docs/reference/verdict.md) is neither “followed” nor “no "
     "reference”; the latter, with nothing to follow, counts among those that followed. A run that "
-    "broke off has no error and counts as worse than any; one that came to its end counts with "
-    "the error it had.",
+    "broke off has no error or other number and counts as worse than any; one that came to its end "
+    "counts with the error it had.",
     f"Of several seeds: the median with its {LEVEL:.0%} interval between two order statistics "
     "(of ten runs the second and the ninth), and the share that followed with its exact binomial "
     "interval. A single run has neither. Where all seeds gave the very same run, nothing in it is "

@@ -22,7 +22,7 @@ class Column(NamedTuple):
     metrics: tuple[str, ...]  # the first that is defined counts
     scale: float = 1.0
     of_part: bool = False  # covers what the row is scored by: the second half, or the whole run
-    endless: bool = False  # where a run has none, it counts as larger than any number
+    endless: bool = False  # where a finished run has none, it counts as larger than any number
 
     def of(self, numbers: Metrics, scored: str) -> float | None:
         """Its value in a run; None where undefined."""
@@ -149,14 +149,17 @@ class Line:
         return "; ".join(f"{count} {words}" for words, count in counted)
 
     def statistic(self, column: str) -> Statistic | None:
-        """A column over all runs; None where no run has a number."""
+        """A column over all runs, of which one that broke off counts as larger than any number.
+
+        None where no run has a number.
+        """
         how = COLUMNS[column]
         numbers = [run.values[column] for run in self.runs]
         if all(number is None for number in numbers):
             return None
-        missing = [math.inf] * numbers.count(None) if how.endless else []
-        there = [number for number in numbers if number is not None]
-        return Statistic.of([*there, *missing], how.scale)
+        endless = [how.endless or not run.finished for run in self.runs]
+        filled = [math.inf if x is None and e else x for x, e in zip(numbers, endless, strict=True)]
+        return Statistic.of([x for x in filled if x is not None], how.scale)
 
 
 def ranked(lines: Iterable[Line], order: dict[str, list[str]]) -> list[Line]:

@@ -91,17 +91,16 @@ class Findings:
 
 def find(sweep: Sweep) -> Findings:
     """Everything that the report tells."""
-    rng = np.random.default_rng(SEED)
-    along = [_along(sweep, Slicing.of(sweep, axis), rng) for axis in sweep.axes]
+    along = [_along(sweep, Slicing.of(sweep, axis)) for axis in sweep.axes]
     return Findings(
-        whole=Group.of(sweep, sweep.headline, rng),
+        whole=Group.of(sweep, sweep.headline),
         verdicts={name: _verdicts(runs) for name, runs in sweep.variants.items()},
-        variants={n: Group.of(runs, sweep.headline, rng) for n, runs in sweep.variants.items()},
-        metrics={name: _metrics(sweep, runs, rng) for name, runs in sweep.variants.items()},
+        variants={n: Group.of(runs, sweep.headline) for n, runs in sweep.variants.items()},
+        metrics={name: _metrics(sweep, runs) for name, runs in sweep.variants.items()},
         along=along,
-        maps=_maps(sweep, along, rng),
-        sensitivity=list(_sensitivity(sweep, rng)),
-        pairs=_pairs(sweep, rng),
+        maps=_maps(sweep, along),
+        sensitivity=list(_sensitivity(sweep, np.random.default_rng(SEED))),
+        pairs=_pairs(sweep),
     )
 
 
@@ -111,25 +110,23 @@ def _verdicts(runs: Sweep) -> dict[str, int]:
     return {name: counts[name] for name in [*known, *sorted(counts.keys() - set(known))]}
 
 
-def _metrics(
-    sweep: Sweep, runs: Sweep, rng: np.random.Generator
-) -> dict[str, tuple[Interval, Interval, Interval]]:
+def _metrics(sweep: Sweep, runs: Sweep) -> dict[str, tuple[Interval, Interval, Interval]]:
     def quantiles(values: np.ndarray) -> tuple[Interval, Interval, Interval]:
-        low, middle, high = (quantile(values, at, rng) for at in (OUTER[0], 0.5, OUTER[1]))
+        low, middle, high = (quantile(values, at) for at in (OUTER[0], 0.5, OUTER[1]))
         return low, middle, high
 
     return {name: quantiles(runs.numbers(name)) for name in sweep.metrics}
 
 
-def _along(sweep: Sweep, slicing: Slicing, rng: np.random.Generator) -> Along:
+def _along(sweep: Sweep, slicing: Slicing) -> Along:
     found = {
-        name: groups(runs, [slicing], sweep.headline, rng).tolist()
+        name: groups(runs, [slicing], sweep.headline).tolist()
         for name, runs in sweep.variants.items()
     }
     return Along(slicing, explained(sweep, slicing), found)
 
 
-def _maps(sweep: Sweep, along: list[Along], rng: np.random.Generator) -> list[Map]:
+def _maps(sweep: Sweep, along: list[Along]) -> list[Map]:
     """Each pair of the parameters that explain most, in the plan's order."""
     most = sorted(along, key=lambda a: -a.explained)[:MOST_MAPS]
     chosen = [a.slicing.axis for a in along if a in most]
@@ -139,7 +136,7 @@ def _maps(sweep: Sweep, along: list[Along], rng: np.random.Generator) -> list[Ma
             across,
             up,
             {
-                name: groups(runs, [up, across], sweep.headline, rng)
+                name: groups(runs, [up, across], sweep.headline)
                 for name, runs in sweep.variants.items()
             },
         )
@@ -147,15 +144,15 @@ def _maps(sweep: Sweep, along: list[Along], rng: np.random.Generator) -> list[Ma
     ]
 
 
-def _pairs(sweep: Sweep, rng: np.random.Generator) -> list[Pair]:
+def _pairs(sweep: Sweep) -> list[Pair]:
     names = list(sweep.variants)
     chosen = list(combinations(names, 2))
     if len(names) > ALL_PAIRS:
         chosen = [(names[0], name) for name in names[1:]]
-    return [Pair(ours, theirs, _paired(sweep, ours, theirs, rng)) for theirs, ours in chosen]
+    return [Pair(ours, theirs, _paired(sweep, ours, theirs)) for theirs, ours in chosen]
 
 
-def _paired(sweep: Sweep, ours: str, theirs: str, rng: np.random.Generator) -> Paired:
+def _paired(sweep: Sweep, ours: str, theirs: str) -> Paired:
     """Of two variants, on the draws and seeds that both have; one without repeats has any seed."""
     pair = [sweep.variants[name] for name in (ours, theirs)]
     keys = [np.array([r.table["draw"], r.table["seed"]], dtype=np.int64).T for r in pair]
@@ -173,7 +170,7 @@ def _paired(sweep: Sweep, ours: str, theirs: str, rng: np.random.Generator) -> P
         runs.numbers(sweep.headline) if sweep.headline else np.full(len(runs), np.inf)
         for runs in (one, other)
     ]
-    return paired(values[0], values[1], (one.failed, other.failed), rng)
+    return paired(values[0], values[1], (one.failed, other.failed))
 
 
 def _sensitivity(sweep: Sweep, rng: np.random.Generator) -> list[Sensitivity]:
@@ -183,7 +180,7 @@ def _sensitivity(sweep: Sweep, rng: np.random.Generator) -> list[Sensitivity]:
     found = []
     for name, runs in sweep.variants.items():
         kinds = {"failed": runs.failed.astype(float)}
-        if sweep.headline:
+        if sweep.headline and runs.has(sweep.headline):
             values = runs.numbers(sweep.headline)
             whole = bool(np.isfinite(values).all())
             kinds["headline" if whole else "rank"] = values if whole else _ranks(values)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -26,17 +27,20 @@ class Sweep:
     Attributes:
         plan: plan.json.
         table: column of results.parquet → (n,) its values; numbers that are null are NaN.
+        undefined: metric → variants whose plant or task does not have it.
     """
 
     plan: dict[str, Any]
     table: dict[str, np.ndarray]
+    undefined: Mapping[str, frozenset[str]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, folder: Path) -> Sweep:
         """What a sweep left in its folder."""
         plan = read_json(folder / "plan.json")
         read = read_parquet(folder / "results.parquet")
-        return cls(plan, {name: read[name].to_numpy() for name in read.column_names})
+        table = {name: read[name].to_numpy() for name in read.column_names}
+        return cls(plan, table, _undefined(table))
 
     @cached_property
     def planned(self) -> Plan:
@@ -83,9 +87,18 @@ class Sweep:
         return np.asarray(self.table["status"].astype(str) == "ok")
 
     def numbers(self, metric: str) -> FloatArray:
-        """(n,) a metric; infinite where a run broke off or never got it, "worse than any"."""
+        """(n,) a metric; infinite where a run broke off or never got it, "worse than any".
+
+        NaN where it is undefined.
+        """
         values = self.table[metric].astype(float)
-        return np.where(self.finished & np.isfinite(values), values, np.inf)
+        there = np.where(self.finished & np.isfinite(values), values, np.inf)
+        without = list(self.undefined.get(metric, ()))
+        return np.where(np.isin(self.table["variant"].astype(str), without), np.nan, there)
+
+    def has(self, metric: str) -> bool:
+        """Whether it is defined for these runs, if only as worse than any."""
+        return not np.isnan(self.numbers(metric)).all()
 
     @cached_property
     def metrics(self) -> list[str]:
@@ -140,6 +153,20 @@ class Sweep:
             return self.table["draw"]
         # of a grid's own values each row is one, as all the others are spread over them evenly
         return self.table["seed" if "distribution" in axis.given else "row"]
+
+
+def _undefined(table: dict[str, np.ndarray]) -> dict[str, frozenset[str]]:
+    """Metric → variants of which no finished run has it, but for what a run may never reach.
+
+    What a plant does not have, as the analytic ones no slip, is no failure of its runs.
+    """
+    variant, finished = table["variant"].astype(str), table["status"].astype(str) == "ok"
+    return {
+        name: frozenset(variant[finished])
+        - set(variant[finished & np.isfinite(table[name].astype(float))])
+        for name, metric in METRICS.items()
+        if name in table and not metric.may_never_come
+    }
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from ttwmr_mj.files import write_text
 from ttwmr_mj.results.metrics import METRICS
 from ttwmr_mj.results.sensitivity import CONVERGED
-from ttwmr_mj.results.statistics import LEVEL, RESAMPLES
+from ttwmr_mj.results.statistics import LEVEL
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.studies.pages.page import inlined, render
 from ttwmr_mj.studies.sweep.answers.figures import along_name, write_sweep_figures
@@ -154,7 +154,6 @@ def _page(
         rules={name: VERDICTS[name] for name in reversed(VERDICTS)},
         level=round(100 * LEVEL),
         outer=[round(100 * at) for at in OUTER],
-        resamples=RESAMPLES,
         versions={
             name.removeprefix("version_"): sorted(set(sweep.table[name].astype(str).tolist()))
             for name in sweep.table
@@ -189,7 +188,7 @@ def _examples(sweep: Sweep) -> list[tuple[str, str]]:
     if not sweep.headline:
         return [("the first", command(sweep, 0))]
     values = sweep.numbers(sweep.headline)
-    order = np.argsort(values, kind="stable")
+    order = np.argsort(values, kind="stable")[: int((~np.isnan(values)).sum())]
     middle, last = int(order[(len(order) - 1) // 2]), int(order[-1])
     rows = [("in the middle", middle), ("the worst", last)]
     return [(f"{what}, row {sweep.table['row'][i]}", command(sweep, i)) for what, i in rows]

@@ -91,25 +91,23 @@ class Group:
     outer: tuple[float, float]
 
     @classmethod
-    def of(cls, sweep: Sweep, metric: str, rng: np.random.Generator) -> Group:
+    def of(cls, sweep: Sweep, metric: str) -> Group:
         """Of all runs of a sweep, or of a part of one."""
         values = sweep.numbers(metric) if metric else np.zeros(0)
-        low, high = (quantile(values, at, rng).value for at in OUTER)
+        low, high = (quantile(values, at).value for at in OUTER)
         failed = int(sweep.failed.sum())
         failures = share(failed, len(sweep))
-        return cls(len(sweep), failed, failures, quantile(values, 0.5, rng), (low, high))
+        return cls(len(sweep), failed, failures, quantile(values, 0.5), (low, high))
 
 
-def groups(
-    sweep: Sweep, slicings: list[Slicing], metric: str, rng: np.random.Generator
-) -> np.ndarray:
+def groups(sweep: Sweep, slicings: list[Slicing], metric: str) -> np.ndarray:
     """An array of Group, with one dimension for each slicing."""
     shape = tuple(len(slicing.labels) for slicing in slicings)
     found = np.empty(shape, dtype=object)
     which = [slicing.which(sweep) for slicing in slicings]
     for place in np.ndindex(*shape):
         here = np.logical_and.reduce([w == i for w, i in zip(which, place, strict=True)])
-        found[place] = Group.of(sweep.where(here), metric, rng)
+        found[place] = Group.of(sweep.where(here), metric)
     return found
 
 
@@ -124,7 +122,12 @@ def explained(sweep: Sweep, slicing: Slicing) -> float:
 
     kinds: list[Callable[[Sweep], np.ndarray]] = [lambda runs: runs.failed.astype(float)]
     if sweep.headline:
-        kinds.append(lambda runs: np.asarray(rankdata(runs.numbers(sweep.headline))))
+        # where it is undefined all runs tie
+        kinds.append(
+            lambda runs: np.asarray(
+                rankdata(np.nan_to_num(runs.numbers(sweep.headline), posinf=np.inf))
+            )
+        )
     parts = [runs for runs in sweep.variants.values() if len(runs)]
     found = np.array(
         [

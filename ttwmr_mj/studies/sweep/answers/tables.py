@@ -98,7 +98,7 @@ def pairs_table(findings: Findings, shown: Shown) -> Table:
     numbers = [
         f"difference of {shown.label}",
         "first smaller, % of those that differ",
-        "no number in either",
+        "no number to compare",
     ]
     head = ["first − second", "pairs", *(numbers if shown.name else [])]
     head += ["difference of failure rates, %", "first alone failed", "second alone", "both"]

@@ -77,7 +77,7 @@ class Shown(NamedTuple):
 
 def interval_cell(found: Interval) -> Cell:
     """A number and its interval as a cell."""
-    unsure = math.isinf(found.low) and math.isinf(found.high) and math.isfinite(found.value)
+    unsure = found.low == -math.inf and found.high == math.inf
     ends = (
         "" if unsure or math.isnan(found.value) else f"[{number(found.low)}, {number(found.high)}]"
     )
@@ -141,6 +141,8 @@ def compared(ours: str, theirs: str, found: Paired, shown: Shown) -> str:
         found: what came of their pairs.
         shown: the number.
     """
+    if found.unknown == found.pairs:
+        return f"No pair of {ours} and {theirs} has a {shown.name} to compare."
     if found.favours:
         ahead, behind = (ours, theirs)[:: -found.favours]
         value, low, high = found.difference
