@@ -108,6 +108,36 @@ def test_few_runs_have_no_interval(runs: int) -> None:
     assert quantile(np.ones(runs), 0.5) == (1.0, -np.inf, np.inf)
 
 
+def test_runs_that_are_alike_count_as_one() -> None:
+    assert share(6, 12, independent=4) == (0.5, *share(2, 4)[1:])
+    assert share(0, 12, independent=4).high == pytest.approx(1.0 - 0.025**0.25)
+    for runs in (5, 6, 40, 100):
+        values = rng().normal(size=runs)
+        for at in (0.05, 0.5, 0.95):
+            thrice = quantile(np.repeat(values, 3), at, independent=runs)
+            assert thrice[1:] == quantile(values, at)[1:]
+    ours, fine = rng().normal(size=20), np.zeros(20, bool)
+    one = paired(ours, 0.0 * ours, (ours > 1.0, fine))
+    thrice_ours, thrice_fine = np.repeat(ours, 3), np.zeros(60, bool)
+    found = paired(thrice_ours, 0.0 * thrice_ours, (thrice_ours > 1.0, thrice_fine), independent=20)
+    assert found.difference[1:] == one.difference[1:]
+    assert (found.wins, found.failures) == (pytest.approx(one.wins), pytest.approx(one.failures))
+
+
+@pytest.mark.parametrize("alike", [0.0, 0.5, 1.0])
+def test_an_interval_over_draws_and_seeds_holds_as_often_as_it_says(alike: float) -> None:
+    """30 draws with four seeds each; what share of the variance the draw decides."""
+    generator, held = np.random.default_rng(4), 0
+    for _ in range(400):
+        draws = np.repeat(generator.normal(size=30), 4)
+        values = math.sqrt(alike) * draws + math.sqrt(1.0 - alike) * generator.normal(size=120)
+        found = quantile(values, 0.5, independent=30)
+        failures = share(int((values > 1.0).sum()), 120, independent=30)
+        truth = 1.0 - scipy.stats.norm.cdf(1.0)
+        held += int(found.low <= 0.0 <= found.high) + int(failures.low <= truth <= failures.high)
+    assert held >= 0.93 * 800  # 0.95 less 2 sigma of 800 repetitions
+
+
 def test_an_even_result_is_no_sign_of_a_difference() -> None:
     assert sign_test(0, 0) == 1.0
     assert sign_test(5, 5) == pytest.approx(1.0)

@@ -57,6 +57,7 @@ def made(
         "parameters": given,
         "variants": {},
         "seeds": [*range(SEEDS)],
+        "draws": int(draw.max()) + 1,
         "sampling": sampling,
         "headline_metric": METRIC,
         "sensitivity_design": sets and {"sets": sets},
@@ -99,3 +100,31 @@ def test_without_chance_a_parameter_explains_all_or_nothing() -> None:
     sweep = sweep_of("grid", 0, noise=0.0)
     shares = [explained(sweep, Slicing.of(sweep, axis)) for axis in sweep.axes]
     assert shares == pytest.approx([1.0, 0.0], abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("sampling", "distribution", "draws", "design", "free"),
+    [
+        ("grid", False, 4, 0, 12),  # every run but those of the other variant
+        ("grid", True, 4, 0, 3),  # each seed draws
+        ("random", True, 4, 0, 4),
+        ("random", True, 1, 0, 3),  # at one place, seeds are all there is
+        ("sobol", False, 4, 2, 2),  # two base samples with A and B of each
+    ],
+)
+def test_what_shares_a_draw_counts_as_one_run(
+    sampling: str, distribution: bool, draws: int, design: int, free: int
+) -> None:
+    """Two variants with three seeds of each draw."""
+    draw, seed, variant = (a.ravel() for a in np.indices((draws, 3, 2)))
+    plan = {
+        "parameters": {WORKS: {"axis": 0, **({"distribution": "normal"} if distribution else {})}},
+        "variants": {"a": [], "b": []},
+        "seeds": [0, 1, 2],
+        "draws": draws,
+        "sampling": sampling,
+        "sensitivity_design": {"sets": ["A", "B"]} if design else None,
+    }
+    sweep = Sweep(plan, {"draw": draw, "seed": seed, "variant": np.array(["a", "b"])[variant]})
+    assert sweep.independent == free
+    assert all(runs.independent == free for runs in sweep.variants.values())

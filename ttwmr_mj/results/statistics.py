@@ -3,6 +3,10 @@
 Every interval is at LEVEL. A number that a run does not have, because the run broke off, is given
 as infinity, "worse than any": quantiles then count that run, and are infinite where they fall among
 such runs. Nothing is dropped here.
+
+Runs that share what was drawn are not independent of each other. Where only m of n are, intervals
+are those of m runs that say the same: as wide as they would be if those that share were all alike,
+so never too narrow (Korn and Graubard, 1998, with the largest design effect that there can be).
 """
 
 import math
@@ -24,23 +28,27 @@ class Interval(NamedTuple):
     high: float
 
 
-def share(count: int, of: int, level: float = LEVEL) -> Interval:
+def share(count: int, of: int, *, independent: int | None = None, level: float = LEVEL) -> Interval:
     """The share of runs, with the exact binomial interval (Clopper and Pearson, 1934).
 
     Args:
         count: runs that have the property.
         of: all runs; 0 gives the interval from 0 to 1 around NaN.
+        independent: how many of them are independent of each other; None: all.
         level: confidence that is kept whatever the true share.
     """
     from scipy.special import betaincinv
 
-    tail = 0.5 * (1.0 - level)
-    low = float(betaincinv(count, of - count + 1, tail)) if count > 0 else 0.0
-    high = float(betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
-    return Interval(count / of if of else math.nan, low, high)
+    if not of:
+        return Interval(math.nan, 0.0, 1.0)
+    tail, runs = 0.5 * (1.0 - level), of if independent is None else min(independent, of)
+    yes, no = count / of * runs, (of - count) / of * runs
+    low = float(betaincinv(yes, no + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(yes + 1, no, 1.0 - tail)) if count < of else 1.0
+    return Interval(count / of, low, high)
 
 
-def quantile(values: FloatArray, at: float) -> Interval:
+def quantile(values: FloatArray, at: float, *, independent: int | None = None) -> Interval:
     """A quantile (0.5: the median) of values (n,), with an interval whatever the distribution.
 
     Its ends are two of the values, or open, that is, infinite. Of n runs the number that fall below
@@ -48,7 +56,7 @@ def quantile(values: FloatArray, at: float) -> Interval:
     largest k for which it is at most 2.5 % probable that fewer than k do; the upper one likewise.
     Where no value is far enough out, as of a median of five or less, or above a 95 % quantile of
     less than 72, that end is open; a bootstrap would be too sure. NaN is no value; of none all
-    three are NaN.
+    three are NaN. `independent` as in `share`: of m runs the k-th stands for n/m of the n values.
     """
     from scipy.stats import binom
 
@@ -58,13 +66,14 @@ def quantile(values: FloatArray, at: float) -> Interval:
     place = at * (n - 1)
     below, part = math.floor(place), place - math.floor(place)
     value = _between(float(ranked[below]), float(ranked[min(below + 1, n - 1)]), part)
-    at_most = binom.cdf(np.arange(n), n, at)  # 0, 1, … n − 1 below the population's quantile
+    m = n if independent is None else min(independent, n)
+    at_most = binom.cdf(np.arange(m), m, at)  # 0, 1, … m − 1 below the population's quantile
     tail = 0.5 * (1.0 - LEVEL)
     low, high = int((at_most <= tail).sum()), int((at_most < 1.0 - tail).sum())
     return Interval(
         value,
-        float(ranked[low - 1]) if low else -math.inf,
-        float(ranked[high]) if high < n else math.inf,
+        float(ranked[(low - 1) * n // m]) if low else -math.inf,
+        float(ranked[-(-(high + 1) * n // m) - 1]) if high < m else math.inf,
     )
 
 
@@ -119,13 +128,20 @@ class Paired:
         return (self.difference.low > 0.0) - (self.difference.high < 0.0)
 
 
-def paired(ours: FloatArray, theirs: FloatArray, failed: tuple[np.ndarray, np.ndarray]) -> Paired:
+def paired(
+    ours: FloatArray,
+    theirs: FloatArray,
+    failed: tuple[np.ndarray, np.ndarray],
+    *,
+    independent: int | None = None,
+) -> Paired:
     """Compare numbers (n,) pair by pair; infinite where a run has none, NaN where none is defined.
 
     Args:
         ours: of one alternative.
         theirs: of the other.
         failed: (n,) which runs failed, of either.
+        independent: how many of the pairs are independent of each other; None: all.
     """
     undefined = np.isnan(ours) | np.isnan(theirs)
     known = ~undefined & (np.isfinite(ours) | np.isfinite(theirs))
@@ -137,21 +153,26 @@ def paired(ours: FloatArray, theirs: FloatArray, failed: tuple[np.ndarray, np.nd
         only_ours=only_ours,
         only_theirs=only_theirs,
         both=int((failed[0] & failed[1]).sum()),
-        failures=share_difference(only_ours, only_theirs, len(ours)),
-        difference=quantile(difference, 0.5),
+        failures=share_difference(only_ours, only_theirs, len(ours), independent=independent),
+        difference=quantile(difference, 0.5, independent=independent),
         better=better,
         worse=worse,
         unknown=int((~known).sum()),
-        wins=share(better, better + worse),
+        wins=share(better, better + worse, independent=independent),
     )
 
 
-def share_difference(only_ours: int, only_theirs: int, pairs: int) -> Interval:
+def share_difference(
+    only_ours: int, only_theirs: int, pairs: int, *, independent: int | None = None
+) -> Interval:
     """The difference of two shares of the same pairs, from those in which they disagree.
 
     The interval joins the exact ones of the two kinds of disagreement, each at a level that leaves
     half of the error to it (Bonferroni): never too sure, also where no pair disagrees.
     """
     each = 1.0 - 0.5 * (1.0 - LEVEL)
-    up, down = share(only_ours, pairs, each), share(only_theirs, pairs, each)
+    up, down = (
+        share(count, pairs, independent=independent, level=each)
+        for count in (only_ours, only_theirs)
+    )
     return Interval(up.value - down.value, up.low - down.high, up.high - down.low)

@@ -112,7 +112,9 @@ def _verdicts(runs: Sweep) -> dict[str, int]:
 
 def _metrics(sweep: Sweep, runs: Sweep) -> dict[str, tuple[Interval, Interval, Interval]]:
     def quantiles(values: np.ndarray) -> tuple[Interval, Interval, Interval]:
-        low, middle, high = (quantile(values, at) for at in (OUTER[0], 0.5, OUTER[1]))
+        low, middle, high = (
+            quantile(values, at, independent=runs.independent) for at in (OUTER[0], 0.5, OUTER[1])
+        )
         return low, middle, high
 
     return {name: quantiles(runs.numbers(name)) for name in sweep.metrics}
@@ -170,7 +172,8 @@ def _paired(sweep: Sweep, ours: str, theirs: str) -> Paired:
         runs.numbers(sweep.headline) if sweep.headline else np.full(len(runs), np.inf)
         for runs in (one, other)
     ]
-    return paired(values[0], values[1], (one.failed, other.failed))
+    failed, free = (one.failed, other.failed), min(one.independent, other.independent)
+    return paired(values[0], values[1], failed, independent=free)
 
 
 def _sensitivity(sweep: Sweep, rng: np.random.Generator) -> list[Sensitivity]:

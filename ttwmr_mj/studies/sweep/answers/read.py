@@ -143,6 +143,18 @@ class Sweep:
         sample, which = np.divmod(self.table["draw"].astype(int), len(design["sets"]))
         return sample, which
 
+    @cached_property
+    def independent(self) -> int:
+        """How many of the runs share nothing that was drawn with each other."""
+        draw, seed = (self.table[name].astype(int) for name in ("draw", "seed"))
+        if self.design is not None:
+            return len(np.unique(self.design[0]))
+        if self.plan["sampling"] != "grid" and self.plan["draws"] > 1:
+            return len(np.unique(draw))
+        if any("distribution" in axis.given for axis in self.axes):
+            return len(np.unique(seed))
+        return len({*zip(draw.tolist(), seed.tolist(), strict=True)})  # variants share them
+
     def sources(self, axis: Axis) -> np.ndarray:
         """(n,) which draw each run has an axis' value of; runs of the same one are no two words."""
         if self.design is not None:

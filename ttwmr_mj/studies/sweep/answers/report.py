@@ -123,7 +123,6 @@ def _page(
         runs=len(sweep),
         broke_off=int((~sweep.finished).sum()),
         draws=draws,
-        several_seeds=max(sweep.seeds.values()) > 1 and draws > 1,
         seeds=sorted(set(sweep.seeds.values())),
         repeats=repeats,
         quiet=[name for name, seeds in sweep.seeds.items() if seeds < len(plan["seeds"])],

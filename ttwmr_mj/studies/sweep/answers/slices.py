@@ -79,12 +79,15 @@ class Group:
 
     Attributes:
         runs: how many.
+        independent: how many of them share nothing that was drawn.
+        failed: how many failed.
         failures: the share that failed.
         median: of the headline metric; NaN where it is undefined.
         outer: its OUTER quantiles.
     """
 
     runs: int
+    independent: int
     failed: int
     failures: Interval
     median: Interval
@@ -93,11 +96,12 @@ class Group:
     @classmethod
     def of(cls, sweep: Sweep, metric: str) -> Group:
         """Of all runs of a sweep, or of a part of one."""
-        values = sweep.numbers(metric) if metric else np.zeros(0)
+        values, free = sweep.numbers(metric) if metric else np.zeros(0), sweep.independent
         low, high = (quantile(values, at).value for at in OUTER)
         failed = int(sweep.failed.sum())
-        failures = share(failed, len(sweep))
-        return cls(len(sweep), failed, failures, quantile(values, 0.5), (low, high))
+        failures = share(failed, len(sweep), independent=free)
+        median = quantile(values, 0.5, independent=free)
+        return cls(len(sweep), free, failed, failures, median, (low, high))
 
 
 def groups(sweep: Sweep, slicings: list[Slicing], metric: str) -> np.ndarray:

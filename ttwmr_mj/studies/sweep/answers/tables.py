@@ -37,12 +37,11 @@ def verdicts_table(findings: Findings) -> Table:
     """How many runs got which verdict, and their share."""
     rows: list[list[Any]] = []
     for variant, counts in findings.verdicts.items():
-        runs = findings.variants[variant].runs
+        group = findings.variants[variant]
         for name, count in counts.items():
             words, when = RULES.get(name, (name, ""))
-            rows.append(
-                [_variant(variant), words, _count(count), percent(share(count, runs)), when]
-            )
+            found = percent(share(count, group.runs, independent=group.independent))
+            rows.append([_variant(variant), words, _count(count), found, when])
     return Table(["variant", "verdict", "runs", "share, %", "given when"], rows)
 
 
