@@ -82,7 +82,7 @@ def test_its_links_lead_to_files(page: Path) -> None:
 
 
 def written(page: Path) -> set[Path]:
-    """What its blocks write: files without their endings, as a plan's has its scenario beside it."""
+    """What its blocks write, without endings: beside a plan go its scenario and its picture."""
     code = "\n".join(blocks("sh", page) + blocks("python", page) + blocks("toml", page))
     named = r'(?:--out |-o |cat > |\bPath\("|^name = ")([\w./-]+)'
     return {Path(name).with_suffix("") for name in re.findall(named, code, flags=re.M)}
