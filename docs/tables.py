@@ -20,7 +20,7 @@ from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.motor import Motor
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.results.accept import AcceptOptions
-from ttwmr_mj.results.metrics import METRICS, QUANTITIES
+from ttwmr_mj.results.metrics import METRICS, QUANTITIES, meaning_of
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
 from ttwmr_mj.scenario.tables import worlds
@@ -74,10 +74,9 @@ def metrics() -> str:
     """The metrics, as they are computed."""
     rows = ["| name | unit | formula | Eq. | what it is |", "|---|---|---|---|---|"]
     for name, metric in METRICS.items():
-        second = "over the second half: " if name.startswith("steady_") else ""
         formula = metric.formula.replace("|", "\\|")
         equations = QUANTITIES[metric.of].equations
-        meaning = f"{second}{metric.meaning}"
+        meaning = meaning_of(name)
         rows.append(f"| `{name}` | {metric.unit} | {formula} | {equations} | {meaning} |")
     return "\n".join(rows) + "\n"
 

@@ -16,7 +16,7 @@ import pytest
 from ttwmr_mj.assets import shipped_scenarios
 from ttwmr_mj.controllers.base import CONTROLLERS
 from ttwmr_mj.references.shared.reference import REFERENCES
-from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.metrics import METRICS, meaning_of
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.bench.suite import shipped_suites
 from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
@@ -173,7 +173,7 @@ def test_list_names_every_scenario_and_kind_with_its_description(tmp_path: Path)
     done = ttwmr("list", cwd=tmp_path)
     assert done.returncode == 0
     assert max(map(len, done.stdout.splitlines())) <= 80
-    metrics = {name: f"{m.meaning} [{m.unit}]" for name, m in METRICS.items()}
+    metrics = {name: f"{meaning_of(name)} [{m.unit}]" for name, m in METRICS.items()}
     metrics = {name: text for name, text in metrics.items() if not name.startswith("steady_")}
     column = max(map(len, [*metrics, *shipped_scenarios()])) + 4
     listed: dict[str, dict[str, str]] = {}

@@ -76,7 +76,7 @@ def test_its_help(parser: argparse.ArgumentParser, capsys: pytest.CaptureFixture
     shown = " ".join(capsys.readouterr().out.split())
     assert shown == (
         "usage: test greet [-h] [--tone {warm,dry}] --times N [--card CARDS] [--debug] "
-        "people [people ...] Greet people. positional arguments: people who options: "
+        "PEOPLE [PEOPLE ...] Greet people. positional arguments: PEOPLE who options: "
         "-h, --help show this help message and exit --tone {warm,dry} how; default: warm "
         "--times N how often --card CARDS what to bring --debug show tracebacks"
     )

@@ -151,7 +151,7 @@ EVERYTHING = {
     ),
     "score r --quiet --debug": Score(run=Path("r"), quiet=True, debug=True),
     "new mine --controller --out o --force --debug": New(
-        wanted="mine", controller=True, out=Path("o"), force=True, debug=True
+        name="mine", controller=True, out=Path("o"), force=True, debug=True
     ),
     f"plan a.svg {SHARED} --out o.csv --force --closed --duration 9 --scenario s --workspace 2 1 "
     "--hitch-angle 90 --scale 0.01 --quiet --debug": PlanCommand(
@@ -221,7 +221,7 @@ NOTHING = {
         "force": False,
     },
     "export-schema": {"out": None, "force": False},
-    "new a": {"wanted": "a", "controller": False, "out": Path()},
+    "new a": {"name": "a", "controller": False, "out": Path()},
     "plan a": {
         "points": Path("a"),
         "closed": False,
@@ -258,8 +258,8 @@ def test_what_is_not_given_has_its_default(words: str) -> None:
 @pytest.mark.parametrize(
     ("words", "fault"),
     [
-        ("run", "required: scenario"),
-        ("validate", "required: scenario"),
+        ("run", "required: SCENARIO"),
+        ("validate", "required: SCENARIO"),
         ("track v.avi", "required: --calibration"),
         ("run a --seed x", "argument --seed: invalid int value: 'x'"),
         ("compare a --mode sideways", "invalid choice: 'sideways'"),

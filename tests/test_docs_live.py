@@ -37,7 +37,7 @@ def test_its_python_runs(code: str, tmp_path: Path) -> None:
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    assert (tmp_path / "results" / "filmed" / "run.mp4").stat().st_size > 10_000
+    assert (tmp_path / "results" / "overhead" / "run.mp4").stat().st_size > 10_000
 
 
 def test_its_numbers_are_the_codes() -> None:

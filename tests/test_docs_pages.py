@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 import tomllib
+from itertools import combinations
 from pathlib import Path
 
 import pytest
@@ -78,6 +79,21 @@ def test_its_links_lead_to_files(page: Path) -> None:
         name = re.sub(r"^sphx_glr_|_\d+$", "", Path(link).stem)
         assert name == "index" or (ROOT / "examples" / f"{name}.py").is_file(), link
     assert [link for link in links if link not in made and not (page.parent / link).exists()] == []
+
+
+def written(page: Path) -> set[Path]:
+    """What its blocks write, without endings: beside a plan go its scenario and its picture."""
+    code = "\n".join(blocks("sh", page) + blocks("python", page) + blocks("toml", page))
+    named = r'(?:--out |-o |cat > |\bPath\("|^name = ")([\w./-]+)'
+    return {Path(name).with_suffix("") for name in re.findall(named, code, flags=re.M)}
+
+
+def test_no_two_pages_write_the_same_file() -> None:
+    """Who types both would find one refused, or lose what a third one goes on with."""
+    pages = {page: written(page) for page in PAGES}
+    assert Path("results/filmed") in pages[DOCS / "tutorial" / "with_the_camera.md"]
+    for one, other in combinations(pages, 2):
+        assert not pages[one] & pages[other], (one.name, other.name)
 
 
 @every_page

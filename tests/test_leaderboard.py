@@ -141,7 +141,7 @@ def test_the_overview_says_who_stands_where_in_a_word() -> None:
     tables = overview(lines)
     assert tables["circle"] == [
         ["condition", "c", "e", "d", "a", "b"],
-        ["contact · truth", "<0.001", "3", "–, 1/2 †", "lost 0/2", "failed †"],
+        ["contact · truth", "<0.001", "3", "∞, 1/2 †", "lost 0/2", "failed †"],
     ]
     assert tables["eight"] == [  # without those that it did not meet
         ["condition", "c", "e", "a"],
@@ -182,9 +182,10 @@ def test_the_pages_show_every_line_with_its_command_and_every_failure() -> None:
     assert cells["| a"][HEAD.index(RANKED_BY)] == "3"
     assert cells["| a"][2] == ""
     assert cells["| a"][-2:] == ["1/1", "followed |"]
-    assert cells["| b"][1:3] == ["5.5 (2 to 9)", "–"]
+    assert cells["| b"][1:3] == ["5.5 (2 to 9)", "∞"]
     assert cells["| b"][-2:] == ["8/10 (44 to 97 %)", "8 followed; 1 lost; 1 failed |"]
-    assert "| c † | 4 |  | – |" in page
+    assert "| c † | 4 |  | – |" in page  # whose other columns no run has
+    assert "“∞” is the error of a run that broke off" in page
     html = to_html(ours, "mine")
     assert "ttwmr run b" in html
     assert "seed 9: failed: decided by 9" in html
@@ -225,6 +226,7 @@ def test_the_table_has_every_number_and_no_infinity(tmp_path: Path) -> None:
     assert (one["runs"], one["followed"], one["meant"], one["best"]) == (1, 1.0, False, False)
     assert one["error, mm"] == pytest.approx(2.0)
     assert one["error, mm low"] is one["error, mm worst"] is None
+    assert one["followed low"] is one["followed high"] is None
     assert other["error, mm"] == pytest.approx(5.5)
     assert (other["error, mm low"], other["error, mm high"]) == pytest.approx((2.0, 9.0))
     assert other["error, mm worst"] is None  # it broke off

@@ -172,7 +172,8 @@ def test_a_run_leaves_its_folder_and_spares_what_is_there(tmp_path: Path) -> Non
         "trajectory.parquet",
     }
     assert json.loads((out / "metrics.json").read_text()) == first.metrics
-    with pytest.raises(tt.InputError, match="the folder is not empty"):
+    told = r"^out: got .*; the folder is not empty; give another one, or force=True to replace the"
+    with pytest.raises(tt.InputError, match=told):
         tt.run(quiet, out, scenario_folder=HERE)
     (out / "metrics.json").unlink()
     assert tt.run(quiet, out, force=True, scenario_folder=HERE).outcome == first.outcome

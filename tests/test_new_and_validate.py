@@ -12,6 +12,7 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.assets import models_folder
+from ttwmr_mj.cli.commands.new import ALLOWED
 from ttwmr_mj.cli.main import main
 
 SCENARIO = """name = "mine"
@@ -108,7 +109,22 @@ def test_any_name_gives_a_module_that_can_be_imported(name: str, tmp_path: Path)
 
 def test_a_name_that_is_none(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["new", "My Law"]) == 2
-    assert "lower-case letters" in capsys.readouterr().err
+    assert f"NAME: got 'My Law'; allowed: {ALLOWED}" in capsys.readouterr().err
+
+
+def test_the_help_calls_things_as_messages_and_files_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        main(["new", "--help"])
+    told = " ".join(capsys.readouterr().out.split())
+    assert " NAME " in told.partition("positional arguments")[0]
+    assert f"NAME name of the scenario: {ALLOWED}" in told
+    assert "in these names - becomes _, and my_ is put before a digit at the beginning" in told
+    for name in ("1", "a-b"):
+        assert main(["new", name, "--controller", "--out", str(tmp_path)]) == 0
+    laws = {path.name for path in tmp_path.glob("*_law.py")}
+    assert laws == {"my_1_law.py", "test_my_1_law.py", "a_b_law.py", "test_a_b_law.py"}
 
 
 @pytest.mark.parametrize(

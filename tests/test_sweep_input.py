@@ -298,7 +298,7 @@ def test_seeds_are_checked_where_they_decide(tmp_path: Path) -> None:
         (["mine.toml", "--record", "worst"], "--record: got 'worst'; allowed: worst:N"),
         (["mine.toml", "--record", "failed:0"], "N, median or failed:N, with N at least 1"),
         (["mine.toml", "--max-rows", "11"], "got 12 rows; allowed: at most 11"),
-        (["mine.toml", "--set", "nonsense"], "--set nonsense: allowed: key.path=value"),
+        (["mine.toml", "--set", "nonsense"], "override nonsense: allowed: key.path=value"),
         (["mine.toml", "--out", "full"], "--out: got full; the folder holds something, and no"),
         (["mine.toml", "--out", "mine.toml"], "--out: got mine.toml; a file is in the way"),
         (["--merge", "full", "--out", "new"], "full: no sweep's folder"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import html
 import json
 import re
 from itertools import pairwise
@@ -21,6 +22,7 @@ from matplotlib.figure import Figure
 from sweeps_drawn import FRICTION, HEADLINE, MASS, RATE, drawn_sweep
 
 from sweeps import SMALL, here, plan_of
+from ttwmr_mj.results.metrics import meaning_of
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.studies.sweep.answers.figures import _place_axis
 from ttwmr_mj.studies.sweep.answers.findings import find
@@ -187,6 +189,13 @@ def test_every_metric_has_its_quantiles(told: Told) -> None:
     kept = [t if fine and t is not None else np.inf for t, fine in zip(times, ended, strict=True)]
     assert row[2] == "s"
     assert row[4].split(" [")[0] == f"{np.median(np.array(kept)[here]):.3g}"
+
+
+def test_a_metric_is_told_with_what_it_covers(told: Told) -> None:
+    said = {row[0]: html.unescape(row[-1]) for row in told.cells("All metrics")}
+    assert said == {name: meaning_of(name) for name in said}
+    assert HEADLINE in said
+    assert f"({HEADLINE}: {meaning_of(HEADLINE)})" in html.unescape(told.page)
 
 
 def test_no_failed_run_is_left_out(told: Told) -> None:

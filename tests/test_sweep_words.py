@@ -7,6 +7,7 @@ import pytest
 
 from ttwmr_mj.results.statistics import Interval, Paired, paired
 from ttwmr_mj.studies.sweep.answers.words import Shown, compared, interval_cell, numbers
+from ttwmr_mj.studies.sweep.words import duration
 
 
 @pytest.mark.parametrize(
@@ -20,6 +21,23 @@ from ttwmr_mj.studies.sweep.answers.words import Shown, compared, interval_cell,
 )
 def test_numbers_of_a_scale_can_be_told_apart(values: list[float], told: list[str]) -> None:
     assert numbers(values) == told
+
+
+@pytest.mark.parametrize(
+    ("seconds", "told"),
+    [
+        (0.034, "0.034 seconds"),
+        (9.96, "10 seconds"),
+        (42.4, "42 seconds"),
+        (99.6, "100 seconds"),
+        (119.4, "119 seconds"),
+        (120.0, "2 minutes"),
+        (9_000.0, "2.5 hours"),
+        (1e9, "11574 days"),
+    ],
+)
+def test_a_time_has_no_power_of_ten(seconds: float, told: str) -> None:
+    assert duration(seconds) == told
 
 
 def found(better: int, worse: int, equal: int) -> Paired:

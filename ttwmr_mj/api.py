@@ -70,7 +70,7 @@ def run(
     scenario = require_scenario(scenario)
     require(bool, "force", force)
     folder = results_folder(scenario.name, scenario.seed) if out is None else named("out", out)
-    with new_folder(folder, force):
+    with new_folder(folder, force, "out"):
         return run_scenario(scenario, folder, scenario_folder=_folder(scenario_folder))
 
 

@@ -141,8 +141,9 @@ def _add(parser: argparse.ArgumentParser, entry: Field[Any], hint: Any) -> None:
             settings |= {"action": "extend", "nargs": "+"}
     else:
         typed = entry.name
+        settings["metavar"] = typed.upper()  # as messages name it, and the values of options
         if settings.pop("action", None) == "append":
-            settings |= {"nargs": "+", "metavar": typed.removesuffix("s")}
+            settings |= {"nargs": "+", "metavar": typed.upper().removesuffix("S")}
         elif not required:
             settings |= {"nargs": "?", "default": entry.default}
     parser.add_argument(typed, help=entry.metadata["help"] + known, **settings)

@@ -133,7 +133,7 @@ QUANTITIES = {
         "16-17",
     ),
     "oscillation": Quantity(
-        "distance of that trailer's centre of oscillation from its reference",
+        "distance of the (last) trailer's centre of oscillation from its reference",
         "|F − F_d|",
         "m",
         "24",
@@ -202,6 +202,12 @@ METRICS = {
     "airborne_share": Metric(_share, "airborne"),
     "slipping_share": Metric(_share, "slipping"),
 }
+
+
+def meaning_of(name: str) -> str:
+    """What one of METRICS is, in words, and what it covers if that is not the whole run."""
+    covered = "over the second half: " if name.startswith("steady_") else ""
+    return f"{covered}{METRICS[name].meaning}"
 
 
 def _samples(rows: Trajectory, robot: RobotParameters) -> dict[str, FloatArray]:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ VERDICTS: dict[VerdictName, tuple[str, str]] = {
 }
 SUCCESSES = ("followed", "no_reference")  # what is no failure; without a reference nothing can be
 MEASURES = {"tractor_m": "P", "trailer_m": "the trailer's COM", "theta2_rad": "θ2"}
-FALLEN = 0.7  # of an error over the last fifth of a run: it was still being worked off
+FALLING = 0.95  # of the largest error of the fifth before, or less: the error is decreasing
 NOTABLE = 0.02  # share of the samples from which wheels that slip or lift are told of
 FREE_TRAILER = "free trailer"  # the check that says what no hitch gives
 MISSING_TRAILER = "the reference says nothing of the trailer"
@@ -95,7 +96,7 @@ class Error(NamedTuple):
     number: float
     limit: float
     time_s: float | None  # None: in the last fifth of the run
-    decreasing: bool = False  # whether a longer run might have kept the limit
+    decreasing: bool = False  # as `_decreasing` has it
 
     @property
     def share(self) -> float:
@@ -253,8 +254,18 @@ def _errors(rows: Trajectory, robot: RobotParameters, accept: AcceptOptions) -> 
             before = float(np.nan_to_num(error)[k])
             yield Error(measure, before, float(allowed[k]), float(time_s[k]))
         last, limit = np.nan_to_num(error[end:]), getattr(accept, f"end_{measure}")
-        decreasing = bool(limit < last.max() and last[-1] < FALLEN * last[0])
+        decreasing = limit < last.max() and _decreasing(error, time_s)
         yield Error(measure, float(last.max()), limit, None, decreasing)
+
+
+def _decreasing(error: FloatArray, time_s: FloatArray) -> bool:
+    """Whether the largest error (n,) of each of the last three fifths is well below the one before.
+
+    Largest errors do not depend on the phase of an oscillation, three falls leave little to chance.
+    """
+    starts = [start_of_last(fifths * END_SHARE, time_s) for fifths in (4, 3, 2, 1)]
+    largest = [part.max(initial=0.0) for part in np.split(error, starts)[1:]]  # NaN: undefined
+    return all(later <= FALLING * earlier for earlier, later in pairwise(largest))
 
 
 def _allowed(

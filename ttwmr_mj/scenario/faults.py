@@ -1,6 +1,7 @@
 """Pydantic's errors in this project's words: which key, what was got, what is allowed."""
 
 import difflib
+from contextlib import suppress
 from functools import cache
 from typing import Any
 
@@ -83,7 +84,20 @@ def fault_of(error: Any, root: type[BaseModel] = Scenario) -> Fault:
         case "value_error":  # raised by a validator of this project
             return Fault(key=keys, got=shown(got), problem=str(context["error"]))
     allowed = KINDS.get(error["type"]) or error["msg"].removeprefix("Input should be ")
-    return Fault(key=keys, got=shown(got), allowed=allowed)
+    hint = _in_toml(got) if isinstance(got, str) and error["type"].endswith("_type") else ""
+    return Fault(key=keys, got=shown(got), allowed=allowed, hint=hint)
+
+
+def _in_toml(text: str) -> str:
+    """How TOML writes the value that is meant by a text; empty where none can be told."""
+    if not text.strip():
+        return "no value is given"
+    if (word := text.lower()) in ("true", "false"):
+        return f"TOML writes {word}"
+    for kind, digits in ((int, text), (float, text.replace(",", "."))):
+        with suppress(ValueError):
+            return f"TOML writes {shown(kind(digits))}"
+    return ""
 
 
 def _meant(keys: Keys, table: Node, root: type[BaseModel]) -> str:

@@ -243,9 +243,9 @@ def set_value(data: dict[str, Any], override: str) -> None:
     keys, value = _parts(override)
     if value is None or not all(keys):
         allowed = "key.path=value, as in plant.kind=analytic"
-        raise _unset(f"--set {override}", allowed=allowed)
+        raise _unset(f"override {override}", allowed=allowed)
     _forget_first(data, paths_set(override))
-    put_value(data, keys, value, f"--set {override}")
+    put_value(data, keys, value, f"override {override}")
 
 
 def _forget_first(data: dict[str, Any], paths: Iterable[str]) -> None:

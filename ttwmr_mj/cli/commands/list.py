@@ -17,7 +17,7 @@ class List(Subcommand, name="list"):
         from ttwmr_mj.assets import shipped_scenarios
         from ttwmr_mj.controllers.base import CONTROLLERS
         from ttwmr_mj.references.shared.reference import REFERENCES
-        from ttwmr_mj.results.metrics import METRICS
+        from ttwmr_mj.results.metrics import METRICS, meaning_of
         from ttwmr_mj.studies.bench.suite import shipped_suites
         from ttwmr_mj.studies.sweep.plan.file import shipped_sweeps
 
@@ -28,7 +28,7 @@ class List(Subcommand, name="list"):
             "suites: ttwmr bench NAME": _descriptions(shipped_suites()),
             "sweeps: ttwmr sweep NAME": _descriptions(shipped_sweeps()),
             "metrics: in metrics.json; steady_ before a name: of the second half": {
-                name: f"{metric.meaning} [{metric.unit}]"
+                name: f"{meaning_of(name)} [{metric.unit}]"
                 for name, metric in METRICS.items()
                 if not name.startswith("steady_")
             },

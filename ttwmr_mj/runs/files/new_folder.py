@@ -38,7 +38,7 @@ ASIDE = ".replaced"  # where what is replaced waits until there is something in 
 
 
 @contextmanager
-def new_folder(folder: Path, force: bool) -> Iterator[None]:
+def new_folder(folder: Path, force: bool, key: str = "--out") -> Iterator[None]:
     """A folder for results, made if it is missing and held while the context lasts.
 
     Where the input turns out to be wrong, or nothing had been recorded yet when the work ended by
@@ -48,14 +48,15 @@ def new_folder(folder: Path, force: bool) -> Iterator[None]:
         folder: must be empty or absent.
         force: replace the run that it holds, as a whole; files that are none of a run's stay, and
             where there is no run, none may have the name of one of a run's.
+        key: what names the folder, in messages: an option, or the argument of a function.
 
     Raises:
         InputError: the folder holds something, is filled by another process, or cannot be made.
     """
     missing = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
-        make_folder(folder)
-        with _held(folder), _replaced(folder, force):
+        make_folder(folder, key)
+        with _held(folder, key), _replaced(folder, force, key):
             yield
     except BaseException:
         for path in missing:
@@ -64,8 +65,8 @@ def new_folder(folder: Path, force: bool) -> Iterator[None]:
         raise
 
 
-def make_folder(folder: Path) -> None:
-    """Make a folder, if it is missing.
+def make_folder(folder: Path, key: str = "--out") -> None:
+    """Make a folder, if it is missing; `key` names it in messages.
 
     Raises:
         InputError: it cannot be made.
@@ -76,7 +77,7 @@ def make_folder(folder: Path) -> None:
         astray = [path for path in (folder, *folder.parents) if _leads_nowhere(path)]
         why = f"{astray[0]} is a link that leads nowhere" if astray else refused(error)
         problem = f"cannot make the folder: {why}"
-        raise InputError.at("--out", problem, got=str(folder)) from error
+        raise InputError.at(key, problem, got=str(folder)) from error
 
 
 def _leads_nowhere(path: Path) -> bool:
@@ -124,29 +125,32 @@ def is_recorded(folder: Path) -> bool:
 
 
 @contextmanager
-def _held(folder: Path) -> Iterator[None]:
+def _held(folder: Path, key: str) -> Iterator[None]:
     with ExitStack() as stack:
         try:
-            stack.enter_context(locked(folder))
+            stack.enter_context(locked(folder, key=key))
         except OSError as error:
             problem = f"nothing can be written in it: {error.strerror}"
-            raise InputError.at("--out", problem, got=str(folder)) from error
+            raise InputError.at(key, problem, got=str(folder)) from error
         yield
 
 
 @contextmanager
-def _replaced(folder: Path, force: bool) -> Iterator[None]:
+def _replaced(folder: Path, force: bool, key: str) -> Iterator[None]:
     """Set the files of the old run aside, until it is known whether there is a new one."""
+    forced = "--force" if key.startswith("-") else "force=True"
     if not force and any(path.name != LOCK for path in folder.iterdir()):
-        hint = "give another one, or --force to replace the run in it"
-        raise InputError.at("--out", "the folder is not empty", got=str(folder), hint=hint)
+        hint = f"give another one, or {forced} to replace the run in it"
+        raise InputError.at(key, "the folder is not empty", got=str(folder), hint=hint)
     aside = folder / ASIDE
     if aside.is_dir():  # of a process that was killed
         _settle(folder)
     others = [] if _files(folder, _TELLING) else _files(folder)
     if others:
-        problem = f"it holds {others[0].relative_to(folder)}, and no run that --force could replace"
-        raise InputError.at("--out", problem, got=str(folder), hint="give another one")
+        problem = (
+            f"it holds {others[0].relative_to(folder)}, and no run that {forced} could replace"
+        )
+        raise InputError.at(key, problem, got=str(folder), hint="give another one")
     _move(folder, aside)
     try:
         yield

@@ -41,8 +41,9 @@ RULES = (
     "the smaller error wins; two that did not are a tie and do not count. Of ten pairs that takes "
     "nine. Single runs show no difference. The test is made row by row: of many rows one may name "
     "its best by chance.",
-    "“settled” is the time after which P stays within 10 mm, “–” if it never does; “effort” is "
-    "∫(ω_r² + ω_l²)dt.",
+    "“settled” is the time after which P stays within 10 mm; “effort” is ∫(ω_r² + ω_l²)dt. “∞” is "
+    "the error of a run that broke off, and the time of one that never settled, where others have "
+    "a number; “–”: no run has one.",
     "Ranked by failures, then by the median error. Control time is wall time per sample, measured "
     "with several runs at once; of runs that shared a batch, each one's share of it.",
 )
@@ -60,7 +61,7 @@ def write_leaderboard(board: Board, folder: Path, title: str) -> None:
 
 
 def _row(line: Line) -> dict[str, Any]:
-    """A line of the Parquet file; null where undefined or infinite."""
+    """A line of the Parquet file; null where undefined or infinite, as a single run's intervals."""
     row: dict[str, Any] = {axis: line.names[axis] for axis in AXES}
     for column in COLUMNS:
         found = line.statistic(column)
@@ -68,7 +69,7 @@ def _row(line: Line) -> dict[str, Any]:
             value = None if found is None else getattr(found, suffix)
             name = column if suffix == "median" else f"{column} {suffix}"
             row[name] = None if value == float("inf") else value
-    followed = share(line.followed, len(line.runs))
+    followed, single = share(line.followed, len(line.runs)), len(line.runs) == 1
     return row | {
         "scored": line.scored,
         "meant": line.meant,
@@ -78,8 +79,8 @@ def _row(line: Line) -> dict[str, Any]:
         "failures": len(line.failed),
         "lost": line.lost,
         "followed": followed.value,
-        "followed low": followed.low,
-        "followed high": followed.high,
+        "followed low": None if single else followed.low,
+        "followed high": None if single else followed.high,
         "verdict": line.verdict,
         "reason": "; ".join(sentences(line)),
         "command": line.command,

@@ -62,9 +62,11 @@ def failures(lines: list[Line]) -> dict[str, list[str]]:
 
 
 def number(value: float | None) -> str:
-    """Three digits; a dash where there is none, or none that is finite."""
-    if value is None or value == float("inf"):
+    """Three digits; a dash where there is none."""
+    if value is None:
         return "–"
+    if value == float("inf"):
+        return "∞"
     return "<0.001" if 0.0 < value < 1e-3 else f"{value:.3g}"
 
 

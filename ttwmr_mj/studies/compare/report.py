@@ -96,15 +96,13 @@ def _explained(report: dict[str, Any]) -> list[dict[str, Any]]:
 
 
 def _fitted(fit: dict[str, Any]) -> Cells:
-    return [
-        [
-            name,
-            (f"{e['value']:.5g}", e["value"], "[{:.4g}, {:.4g}]".format(*e["confidence_95"])),
-            (f"{e['expected']:.5g}", e["expected"]),
-            "taken for zero" if e["pinned"] else "" if e["identified"] else "not identified",
-        ]
-        for name, e in fit["parameters"].items()
-    ]
+    rows: Cells = []
+    for name, e in fit["parameters"].items():
+        value, low, high = text.told_with_ends(e["value"], *e["confidence_95"])
+        expected = f"{e['expected']:.5g}", e["expected"]
+        state = "taken for zero" if e["pinned"] else "" if e["identified"] else "not identified"
+        rows.append([name, (value, e["value"], f"[{low}, {high}]"), expected, state])
+    return rows
 
 
 def _factors(fit: dict[str, Any]) -> Cells:

@@ -1,5 +1,6 @@
 """A comparison in words, for the terminal and the recording."""
 
+import math
 import textwrap
 from collections.abc import Iterable, Iterator
 from typing import Any
@@ -56,14 +57,21 @@ def plain(report: dict[str, Any]) -> str:
     if fit := report["fit"]:
         lines += ["", "fitted parameters, with their 95 % intervals"]
         for name, e in fit["parameters"].items():
-            low, high = e["confidence_95"]
-            lines.append(f"  {name:34s} {e['value']:.6g}  [{low:.6g}, {high:.6g}]")
+            value, low, high = told_with_ends(e["value"], *e["confidence_95"])
+            lines.append(f"  {name:34s} {value}  [{low}, {high}]")
         unseen, factors = fit["validation"]["scenario"], fit["validation"]["factor"]
         lines.append(f"on {unseen}, which was not used for the fit, deviations")
         for name, v in factors.items():
             by = f"fell to 1/{v:.3g}" if v >= 1.0 else f"rose {1.0 / v:.3g}-fold" if v else "rose"
             lines.append(f"  {name:34s} {by}")
     return "\n".join(lines)
+
+
+def told_with_ends(value: float, low: float, high: float) -> list[str]:
+    """A number and the ends of its interval, in digits that show two of the interval's width."""
+    width, size = high - low, max(abs(low), abs(high))
+    digits = 2 + math.ceil(math.log10(size / width)) if 0.0 < width < math.inf else 6
+    return [f"{number:.{min(max(digits, 4), 17)}g}" for number in (value, low, high)]
 
 
 def markdown(report: dict[str, Any]) -> str:

@@ -170,8 +170,8 @@ def _probed(scenarios: list[Scenario], plan: Plan, duration_s: float) -> float:
 
 
 def duration(seconds: float) -> str:
-    """A time in words."""
-    for unit, size in (("days", 86_400), ("hours", 3_600), ("minutes", 60)):
-        if seconds >= 2 * size:
-            return f"{seconds / size:.3g} {unit}"
-    return f"{seconds:.2g} seconds"
+    """A time in words: in whole units, below ten of them in two digits."""
+    sizes = {"days": 86_400, "hours": 3_600, "minutes": 60, "seconds": 1}
+    unit = next((unit for unit, size in sizes.items() if seconds >= 2 * size), "seconds")
+    amount = seconds / sizes[unit]
+    return f"{amount:.0f} {unit}" if amount >= 10 else f"{amount:.2g} {unit}"

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.files import write_text
-from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.metrics import meaning_of
 from ttwmr_mj.results.sensitivity import CONVERGED
 from ttwmr_mj.results.statistics import LEVEL
 from ttwmr_mj.results.verdict import VERDICTS
@@ -119,7 +119,7 @@ def _page(
         plan=plan,
         shown=shown,
         headline=sweep.headline,
-        meaning=METRICS[sweep.headline].meaning if sweep.headline else "",
+        meaning=meaning_of(sweep.headline) if sweep.headline else "",
         runs=len(sweep),
         broke_off=int((~sweep.finished).sum()),
         draws=draws,

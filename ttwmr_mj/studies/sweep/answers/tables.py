@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from ttwmr_mj.results.metrics import METRICS
+from ttwmr_mj.results.metrics import meaning_of
 from ttwmr_mj.results.statistics import Interval, share
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.studies.sweep.answers.findings import Along, Findings
@@ -136,7 +136,7 @@ def metrics_table(findings: Findings) -> Table:
         for name, quantiles in metrics.items():
             shown = Shown.of(name)
             cells = [shown.cell(found) for found in quantiles]
-            rows.append([name, _variant(variant), shown.unit, *cells, METRICS[name].meaning])
+            rows.append([name, _variant(variant), shown.unit, *cells, meaning_of(name)])
     return Table(["metric", "variant", "unit", LOW, "median", HIGH, "what it is"], rows)
 
 
