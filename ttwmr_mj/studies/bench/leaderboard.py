@@ -42,8 +42,8 @@ RULES = (
     "nine. Single runs show no difference. The test is made row by row: of many rows one may name "
     "its best by chance.",
     "“settled” is the time after which P stays within 10 mm; “effort” is ∫(ω_r² + ω_l²)dt. “∞” is "
-    "the error of a run that broke off, and the time of one that never settled, where others have "
-    "a number; “–”: no run has one.",
+    "any number of a run that broke off, and the time of one that never settled, where others have "
+    "one; “–”: no run has one.",
     "Ranked by failures, then by the median error. Control time is wall time per sample, measured "
     "with several runs at once; of runs that shared a batch, each one's share of it.",
 )
