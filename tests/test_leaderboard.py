@@ -185,7 +185,7 @@ def test_the_pages_show_every_line_with_its_command_and_every_failure() -> None:
     assert cells["| b"][1:3] == ["5.5 (2 to 9)", "∞"]
     assert cells["| b"][-2:] == ["8/10 (44 to 97 %)", "8 followed; 1 lost; 1 failed |"]
     assert "| c † | 4 |  | – |" in page  # whose other columns no run has
-    assert "“∞” is the error of a run that broke off" in page
+    assert "“∞” is any number of a run that broke off" in page
     html = to_html(ours, "mine")
     assert "ttwmr run b" in html
     assert "seed 9: failed: decided by 9" in html
