@@ -131,6 +131,25 @@ def test_dry_friction_is_in_the_account() -> None:
     assert np.abs(Residuals.of(run).trailer_torque_n_m[sliding]).max() < 0.1 * friction
 
 
+@pytest.mark.parametrize(
+    ("name", "friction_n_m"),
+    [
+        ("straight_line", {"robot.hitch": 2e-3}),
+        ("two_trailers_turn", {"robot.hitches.0": 0.02, "robot.hitches.1": 0.01}),
+    ],
+)
+def test_friction_that_sticks_holds_by_what_it_must(
+    name: str, friction_n_m: dict[str, float]
+) -> None:
+    sets = [f"{hitch}.coulomb_friction_n_m={torque}" for hitch, torque in friction_n_m.items()]
+    run = run_contact(load_scenario(name, [*sets, "duration_s=3.0"]))
+    rate = np.diff(run.trajectory.q_rate[:, 0, 2:], axis=1)
+    assert (np.abs(rate) < 1e-3).mean(axis=0).min() > 0.3  # they stick for a good part of it
+    # a tenth of what would be missing, as where it slides
+    least = min(friction_n_m.values())
+    assert np.abs(Residuals.of(run).trailer_torque_n_m).max() < 0.1 * least
+
+
 def test_deviation_knows_ahead_from_aside() -> None:
     rows = replay_analytic(open_loop((0.5, 5.0, 5.0)), np.full((15, 2), 5.0))
     moved = replace(rows, q=rows.q + [3e-3, 4e-3, 1e-3, 0.0])
@@ -177,8 +196,6 @@ def test_another_scene_is_refused() -> None:
 
 @pytest.mark.parametrize("mode", ["open_loop", "closed_loop"])
 def test_the_lab_circle_deviates_by_less_than_a_thousandth_of_its_path(mode: Any) -> None:
-    from ttwmr_mj.scenario.file import load_scenario
-
     scenario = load_scenario("lab_circle", ["duration_s=20.0"])
     pair = run_pair(scenario, mode, real_wheels=mode == "open_loop")
     share = pair.numbers["position_deviation_per_path"]

@@ -24,6 +24,11 @@ from ttwmr_mj.studies.compare.measures.deviation import Numbers, largest, rms
 from ttwmr_mj.studies.compare.motion import ContactRun
 
 
+# a hitch below this rate sticks: contact physics, where nothing is quite at rest, lets friction of
+# 1 N·m creep at less than it, and a hitch that turns round is below it for less than a step
+STICKS_RAD_S = 1e-3
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Residuals(ArrayFields):
     """Slip and residuals of a contact run at the control samples.
@@ -35,7 +40,8 @@ class Residuals(ArrayFields):
         slip_aside_m_s: (n, 3 + 2·trailers) the same to the left.
         lateral_speed_m_s: (n,) Eq. 3: speed of P towards the tractor's right.
         trailer_torque_n_m: (n,) Eq. 17: torque about P that the trailer's motion lacks, mean over
-            the period before; zero at the start.
+            the period before; zero at the start. Dry friction of a hitch that sticks explains what
+            it can.
         energy_lost_j: (n,) work of the servos and of gravity along the floor minus kinetic energy
             gained (Eq. 13, wheels' spin included), minus what the hitch stores and burns: friction,
             slip, rolling resistance, and what a motor's gear burns.
@@ -95,18 +101,28 @@ def _trailer_torque(run: ContactRun) -> FloatArray:
     swing = (swing_matrix(theta, robot) @ acceleration[:, THETA2:, None])[..., 0]
     swing = swing + swing_bias(theta, rate, robot)
     missing = swing - pivot_torque(theta, acceleration[:, :2], robot)
-    missing = missing - on_trailers(_hitch_torques(run))
+    # of each hitch, of the trailer before it those of all behind
+    asked = np.cumsum(missing[:, ::-1], axis=1)[:, ::-1]
+    missing = missing - on_trailers(_hitch_torques(run, asked))
     means = missing.reshape(-1, run.scenario.steps_per_period, theta.shape[1]).mean(axis=1)
     worst = np.abs(means).argmax(axis=1)
     return np.append(0.0, means[np.arange(len(means)), worst])
 
 
-def _hitch_torques(run: ContactRun) -> FloatArray:
-    """(steps, trailers) torques of springs, dampers and sliding friction, mid-step."""
+def _hitch_torques(run: ContactRun, asked: FloatArray | float = 0.0) -> FloatArray:
+    """(steps, trailers) torques of springs, dampers and dry friction, mid-step.
+
+    Args:
+        run: whose hitches.
+        asked: (steps, trailers) what would explain the motion. Friction that sticks takes any value
+            up to that at which it slides, so it gives of this what it can.
+    """
     robot = run.robot
     angle, rate = (_mid_step(hitch_angles(q)) for q in (run.physics.q, run.physics.q_rate))
     dry = np.array([hitch.coulomb_friction_n_m for hitch in robot.hitches])
-    return np.asarray(hitch_torques(angle, rate, robot) - dry * np.sign(rate))
+    smooth = hitch_torques(angle, rate, robot)
+    stuck = np.clip(asked - smooth, -dry, dry)
+    return np.asarray(smooth + np.where(np.abs(rate) < STICKS_RAD_S, stuck, -dry * np.sign(rate)))
 
 
 def _energy_lost(run: ContactRun) -> FloatArray:
