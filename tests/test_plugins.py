@@ -110,6 +110,17 @@ def test_what_cannot_be_used_is_left_out_and_named(
         assert "\x1b" not in line
 
 
+def test_what_is_left_out_is_told_once_by_a_study_of_many_processes(tmp_path: Path) -> None:
+    install(tmp_path, "still = plugin:Nobody")
+    sweep = 'name = "two"\nscenario = "straight_line"\noverrides = ["duration_s=0.1", '
+    sweep += '"plant.kind=analytic"]\n[parameters]\n"initial.y_m" = { values = [0.0, 0.1] }'
+    (tmp_path / "two.toml").write_text(sweep)
+    done = ttwmr(tmp_path, "sweep", "two.toml", "--out", "out", "--quiet")
+    assert done.returncode == 0, done.stderr
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("ttwmr: ttwmr_mj.controllers: still = plugin:Nobody, ")
+
+
 def test_a_name_that_is_taken_stays_with_whom_it_was(tmp_path: Path) -> None:
     code = 'from ttwmr_mj.controllers.mpc import MpcOptions\nclass Mine(MpcOptions): "Mine."'
     install(tmp_path, "mpc = plugin:Mine", at_import=code)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from sweeps_drawn import FRICTION, drawn_sweep
+from sweeps_drawn import FRICTION, MASS, drawn_sweep
 from test_leaderboard import ORDER, line
 
 from ttwmr_mj.studies.bench.leaderboard import to_markdown
@@ -58,6 +59,21 @@ def test_the_report_says_which_variants_are_counted_once(half_quiet: Path) -> No
     assert "All seeds gave the same runs of quiet: only those of the first are counted" in page
     assert f"and {2 * SEEDS - 2} repeats are left out. Each stands for every seed" in page
     assert f"2 draws × 2 variants × 1 or {SEEDS} seeds" in page
+
+
+def test_seeds_that_draw_are_no_repeats_though_nothing_comes_of_it(tmp_path: Path) -> None:
+    """A parameter that does not matter; eight draws without failure are eight."""
+    given = {MASS: {"distribution": "uniform", "low": 0.3, "high": 0.4}}
+    drawn_sweep(tmp_path, given, seeds=8, samples=1)
+    plan = json.loads((tmp_path / "plan.json").read_text())
+    plan["sampling"] = "grid"
+    (tmp_path / "plan.json").write_text(json.dumps(plan))
+    columns = pq.read_table(tmp_path / "results.parquet").to_pydict()
+    alike = {name: [values[0]] * 8 for name, values in columns.items()}
+    alike |= {name: columns[name] for name in ("row", "seed")}
+    alike[MASS] = np.linspace(0.3, 0.4, 8).tolist()
+    pq.write_table(pa.table(alike), tmp_path / "results.parquet")
+    assert write_report(tmp_path).startswith("drawn: 8 runs, 0 failed: 0 % [0, 36.9]")
 
 
 def test_runs_without_numbers_show_no_repeat(half_quiet: Path) -> None:

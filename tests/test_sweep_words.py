@@ -62,6 +62,13 @@ def test_of_two_variants_it_is_told_what_differs(counts: tuple[int, int, int], t
     assert told in compared("one", "two", found(*counts), Shown("error", 1e3, "mm"))
 
 
+def test_pairs_without_a_number_are_not_among_those_compared() -> None:
+    ours = np.repeat([-1e-3, np.inf], [8, 20])
+    theirs, none = np.repeat([0.0, np.inf], [8, 20]), np.zeros(28, bool)
+    told = compared("a", "b", paired(ours, theirs, (none, none)), Shown("error", 1e3, "mm"))
+    assert told.startswith("a has a smaller error than b, by 1 mm [1, 1] in the median of 8 pairs")
+
+
 @pytest.mark.parametrize("theirs", [np.nan, np.inf])
 def test_where_no_pair_can_be_compared_that_is_told(theirs: float) -> None:
     """What their plant does not have, or none of either got."""

@@ -118,9 +118,14 @@ class Paired:
     wins: Interval
 
     @property
+    def compared(self) -> int:
+        """Pairs in which the numbers can be compared."""
+        return self.pairs - self.unknown
+
+    @property
     def equal(self) -> int:
         """Pairs in which both have the same number."""
-        return self.pairs - self.better - self.worse - self.unknown
+        return self.compared - self.better - self.worse
 
     @property
     def favours(self) -> int:

@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Sequence
 from importlib import import_module
+
+from ttwmr_mj.registry import LeftOut
 
 _VARIABLE = "TTWMR_MJ_PRELOAD"  # of the environment, which processes inherit
 
@@ -15,6 +18,10 @@ def ask_for(modules: Sequence[str]) -> None:
 
 
 def load() -> None:
-    """Import what was asked for; raises whatever an import raises."""
+    """Import what was asked for; raises whatever an import raises.
+
+    What other packages add and cannot be used, the command that starts these processes tells.
+    """
+    warnings.filterwarnings("ignore", category=LeftOut)
     for name in os.environ.get(_VARIABLE, "").split():
         import_module(name)

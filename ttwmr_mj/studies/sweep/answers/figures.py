@@ -145,7 +145,7 @@ def _draw_along(figure: Figure, along: Along, shown: Shown) -> None:
     """Failure rate and headline along one parameter, each with its interval."""
     slicing, has_number = along.slicing, bool(shown.name)
     figure.set_size_inches(WIDTH_IN if has_number else 0.6 * WIDTH_IN, 3.1)
-    panels: Sequence[Axes] = figure.subplots(1, 1 + has_number, squeeze=False)[0]
+    panels: Sequence[Axes] = figure.subplots(1, 1 + has_number, sharex=True, squeeze=False)[0]
     for i, (name, found) in enumerate(along.groups.items()):
         places = _beside(slicing, i)
         kept = [(x, g) for x, g in zip(places, found, strict=True) if g.runs]
@@ -285,7 +285,7 @@ def _kind(of: str, shown: Shown) -> str:
 
 def _draw_pairs(figure: Figure, pairs: list[Pair], shown: Shown) -> None:
     """Differences of paired runs: of the headline, and of failure rates."""
-    has_number = bool(shown.name)
+    has_number = any(pair.found.compared for pair in pairs)
     figure.set_size_inches(WIDTH_IN, 1.3 + 0.42 * len(pairs))
     panels = figure.subplots(1, 1 + has_number, sharey=True, squeeze=False)[0]
     labels = [f"{pair.ours} − {pair.theirs}" for pair in pairs]

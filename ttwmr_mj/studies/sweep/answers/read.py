@@ -64,7 +64,12 @@ class Sweep:
         return self.where(~repeats | (self.table["seed"] == self.plan["seeds"][0]))
 
     def _seeds_repeat(self) -> bool:
-        """Whether every seed gave the very same runs; runs without any number do not show it."""
+        """Whether every seed gave the very same runs; runs without any number do not show it.
+
+        Where seeds draw parameters they are runs of their own, though nothing comes of it.
+        """
+        if self.seeds_draw:
+            return False
         first, *others = (self.where(self.table["seed"] == seed) for seed in self.plan["seeds"])
         numbers = first._outcomes()
         repeats = (np.array_equal(numbers, seed._outcomes(), equal_nan=True) for seed in others)
@@ -143,6 +148,11 @@ class Sweep:
         sample, which = np.divmod(self.table["draw"].astype(int), len(design["sets"]))
         return sample, which
 
+    @property
+    def seeds_draw(self) -> bool:
+        """Whether each seed has a value of its own of some parameter, as on a grid."""
+        return self.plan["sampling"] == "grid" and any("distribution" in a.given for a in self.axes)
+
     @cached_property
     def independent(self) -> int:
         """How many of the runs share nothing that was drawn with each other."""
@@ -151,7 +161,7 @@ class Sweep:
             return len(np.unique(self.design[0]))
         if self.plan["sampling"] != "grid" and self.plan["draws"] > 1:
             return len(np.unique(draw))
-        if any("distribution" in axis.given for axis in self.axes):
+        if self.seeds_draw:
             return len(np.unique(seed))
         return len({*zip(draw.tolist(), seed.tolist(), strict=True)})  # variants share them
 

@@ -141,7 +141,7 @@ def compared(ours: str, theirs: str, found: Paired, shown: Shown) -> str:
         found: what came of their pairs.
         shown: the number.
     """
-    if found.unknown == found.pairs:
+    if not found.compared:
         return f"No pair of {ours} and {theirs} has a {shown.name} to compare."
     if found.favours:
         ahead, behind = (ours, theirs)[:: -found.favours]
@@ -149,15 +149,15 @@ def compared(ours: str, theirs: str, found: Paired, shown: Shown) -> str:
         by = Interval(abs(value), *sorted((abs(low), abs(high))))
         return (
             f"{ahead} has a smaller {shown.name} than {behind}, by {shown.said(by)} in the median "
-            f"of {found.pairs} pairs on the same draws and seeds."
+            f"of {found.compared} pairs on the same draws and seeds."
         )
     if not found.wins.low <= 0.5 <= found.wins.high:  # but for what is equal there is a difference
         return (
-            f"{ours} and {theirs} have the same {shown.name} in {found.equal} of {found.pairs} "
+            f"{ours} and {theirs} have the same {shown.name} in {found.equal} of {found.compared} "
             f"pairs on the same draws and seeds; of the other pairs {ours} has the smaller one in "
             f"{said_percent(found.wins)}."
         )
     return (
         f"{ours} and {theirs} do not differ measurably in {shown.name}: "
-        f"{shown.said(found.difference)} in the median of {found.pairs} pairs."
+        f"{shown.said(found.difference)} in the median of {found.compared} pairs."
     )
