@@ -82,3 +82,23 @@ def test_every_place_that_an_override_sets_is_known() -> None:
     one = "robot.trailers.0"
     assert told == ["robot.trailers", one, f"{one}.mass_kg", f"{one}.com_offset_m"]
     assert list(paths_set("plant.kind=analytic")) == ["plant.kind"]
+
+
+@pytest.mark.parametrize(
+    ("bad", "told"),
+    [
+        ("duration_s=.5", "got '.5'; allowed: a valid number; TOML writes 0.5"),
+        ("duration_s=5.", "got '5.'; allowed: a valid number; TOML writes 5.0"),
+        ("duration_s=0,5", "got '0,5'; allowed: a valid number; TOML writes 0.5"),
+        ("seed=007", "got '007'; allowed: a whole number; TOML writes 7"),
+        ('seed="7"', "got '7'; allowed: a whole number; TOML writes 7"),
+        ("output.figures=True", "got 'True'; allowed: a valid boolean; TOML writes true"),
+        ("duration_s=", "got ''; allowed: a valid number; no value is given"),
+        ("duration_s=long", "got 'long'; allowed: a valid number"),
+    ],
+)
+def test_how_toml_writes_a_value_is_told(bad: str, told: str) -> None:
+    with pytest.raises(InputError) as caught:
+        load_scenario("lab_circle", [bad])
+    (fault,) = caught.value.faults
+    assert fault.message == told
