@@ -36,8 +36,8 @@ class Board:
         lines: tasks apart; within one, fewer failures first, then the smaller error.
         rows: how many the suite has.
         made_by: version and commit → rows made by it; all together those that were run.
-        damaged: rows whose files cannot be read, or are of another scenario than the suite gives
-            them now, and why; they count as not run.
+        damaged: rows whose files cannot be read, or are of another command or scenario than the suite
+            gives them now, and why; they count as not run.
     """
 
     lines: list[Line]
