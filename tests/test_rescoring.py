@@ -105,7 +105,7 @@ def test_rows_of_another_command_are_left_out(
     assert main([*words, "--quiet"]) == 1
     head, *told = capsys.readouterr().err.splitlines()
     assert "1 row is left out" in head
-    assert "not run as the suite has them now; without --rescore they are run again" in head
+    assert "or not run as the suite says; without --rescore they are run again" in head
     was, now = second.command(), first.command()
     why = f"{into / 'row.json'}: was run as `{was}`; the suite has `{now}` for this row now"
     assert told == [f"  {first.key}: {why}"]
