@@ -246,19 +246,22 @@ def test_a_second_bench_on_the_folder_is_refused(folder: Path) -> None:
 
 
 @pytest.mark.slow
-def test_scoring_leaves_out_rows_that_are_run_again_meanwhile(folder: Path) -> None:
+def test_scoring_leaves_out_rows_that_are_run_again_meanwhile_or_incomplete(folder: Path) -> None:
     suite = load_suite(str(folder / "suite.toml"))
     suite = suite.model_copy(update={"block": suite.block[:1]})
     out = folder / "out"
     assert run_suite(suite, out, workers=1) == {}
     first, second, third, *_ = rows_of(suite)
     (row_folder(first, out) / "row.json").unlink()
-    (row_folder(second, out) / "trajectory.parquet").unlink()
+    lost = row_folder(second, out) / "trajectory.parquet"
+    lost.unlink()
     board = collect(suite, out)
     assert [len(line.runs) for line in board.lines] == [3, 1]
+    ended = f"{lost}: is missing, and row.json says that the run ended"
+    assert board.damaged == {second.key: ended}
     (row_folder(third, out) / "trajectory.parquet").write_bytes(b"damaged")
     board = collect(suite, out)
-    assert list(board.damaged) == [third.key]
+    assert list(board.damaged) == [second.key, third.key]
     assert "trajectory.parquet" in board.damaged[third.key]
     assert sum(len(line.runs) for line in board.lines) == 3
 

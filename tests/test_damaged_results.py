@@ -15,6 +15,7 @@ import pytest
 import ttwmr_mj as tt
 from ttwmr_mj.cli.main import main
 from ttwmr_mj.errors import InputError
+from ttwmr_mj.files import remove
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.studies.pool.task import RUN_FILES, Kept
 
@@ -186,7 +187,7 @@ def test_bench_makes_rows_again_whose_files_are_none(
     (row / name).unlink()
     make(row / name)
     rescored = main([*words, "--rescore"])
-    assert rescored == (1 if name == "row.json" else 0)
+    assert rescored == (name != "made_of.json")
     assert "TypeError" not in capsys.readouterr().err
     assert main(words) == 0
     assert (row / name).is_file()
@@ -261,18 +262,34 @@ def test_a_damaged_run_is_no_traceback(
         (a_run / "metrics.json").write_bytes(said)
 
 
-@pytest.mark.parametrize("name", ["trajectory.parquet", "metrics.json"])
-def test_a_pipe_in_a_run_folder_is_not_waited_for(
-    name: str, a_run: Path, capsys: pytest.CaptureFixture[str]
+@pytest.mark.parametrize("make", [Path.mkdir, os.mkfifo])
+@pytest.mark.parametrize(
+    ("name", "commands"),
+    [
+        ("scenario.resolved.toml", ("score", "video")),
+        ("trajectory.parquet", ("score", "video")),
+        ("metrics.json", ("score",)),
+        ("run.rrd", ("view",)),
+    ],
+)
+def test_what_is_no_file_in_a_run_folder_is_told_and_not_waited_for(
+    make: Callable[[Path], None],
+    name: str,
+    commands: tuple[str, ...],
+    a_run: Path,
+    capsys: pytest.CaptureFixture[str],
 ) -> None:
     before = (a_run / name).read_bytes()
     (a_run / name).unlink()
-    os.mkfifo(a_run / name)
+    make(a_run / name)
+    told = "is a pipe or a device" if make is os.mkfifo else "is a folder"
     try:
-        assert main(["score", str(a_run), "--quiet"]) == 2
-        assert name in capsys.readouterr().err
+        for command in commands:
+            out = ["-o", f"{a_run}.mp4"] if command == "video" else []
+            assert main([command, str(a_run), *out]) == 2
+            assert f"{a_run / name}: {told}" in capsys.readouterr().err
     finally:
-        (a_run / name).unlink()
+        remove(a_run / name)
         (a_run / name).write_bytes(before)
 
 

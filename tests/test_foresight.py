@@ -184,3 +184,17 @@ def test_of_a_pace_that_is_not_found_no_more_is_told_than_is_known() -> None:
     assert "a faster one, or weaker forces, may have room" in hints[0]  # it is a flat_* already
     (told,) = [hint for hint in hints if "may be possible" in hint]
     assert re.fullmatch(r"at less than 0\.0\d+ of the pace it may be possible", told)
+
+
+def test_a_tractor_whose_ball_is_behind_its_centre_of_mass_has_no_weight_on_its_wheels() -> None:
+    ball = "robot.casters.tractor_position_m=0.002"
+    stands, grips = foreseen(circle(ball))
+    assert stands.key == ("robot", "casters", "tractor_position_m")
+    assert "is 2 mm ahead of P, and its centre of mass 29 mm: no weight" in stands.problem
+    assert stands.allowed == "more than 0.029 (robot.tractor.com_offset_m)"
+    assert grips.problem.startswith("asks the tyres for ")
+    assert grips.allowed == "0 N (robot.casters.tractor_position_m)"
+    assert foreseen(circle(ball, "plant.kind='analytic'")) == []
+    assert foreseen(circle("robot.casters.tractor_position_m=0.03")) == []
+    (stands,) = foreseen(tt.load_scenario("open_loop_turn", [ball]))
+    assert "no weight is on its wheels" in stands.problem

@@ -215,11 +215,15 @@ def test_a_name_that_can_be_no_hosts_is_refused() -> None:
 
 
 def test_a_pipe_of_a_recordings_name_is_not_waited_for(tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "a.rrd")
     with pytest.raises(InputError, match=r"no .rrd file in this folder"):
         viewer.find_recording(tmp_path)
-    with pytest.raises(InputError, match="no such file or folder"):
-        viewer.find_recording(tmp_path / "a.rrd")
+    os.mkfifo(tmp_path / "a.rrd")
+    for given in (tmp_path, tmp_path / "a.rrd"):
+        with pytest.raises(InputError, match=r"a.rrd: is a pipe or a device"):
+            viewer.find_recording(given)
+    (tmp_path / "b" / "run.rrd").mkdir(parents=True)
+    with pytest.raises(InputError, match=r"run.rrd: is a folder"):
+        viewer.find_recording(tmp_path / "b")
 
 
 def test_what_is_not_recorded_cannot_be_shown(capsys: pytest.CaptureFixture[str]) -> None:

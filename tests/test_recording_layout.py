@@ -129,7 +129,7 @@ def test_a_comparison_shows_both_robots_and_their_deviations(tmp_path: Path) -> 
         ("details", "Numbers"),
         ("key", "key"),
         ("plots/angles", "angles, contact − analytic [mrad]"),
-        ("plots/energy", "energy lost to the floor [mJ]"),
+        ("plots/energy", "energy lost to floor, balls and gears [mJ]"),
         ("plots/position", "P, contact − analytic [mm]"),
         ("plots/slip_along", "slip of the wheels along [mm/s]"),
         ("plots/slip_aside", "slip of the wheels to the side [mm/s]"),

@@ -95,6 +95,28 @@ def test_rows_of_another_law_or_seed_are_left_out(pair: Path) -> None:
         (a / "scenario.resolved.toml").write_text(before)
 
 
+def test_rows_of_another_command_are_left_out(
+    pair: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    first, second, *_ = rows_of(load_suite(str(pair / "suite.toml")))
+    into = row_folder(first, pair / "out")
+    shutil.copytree(row_folder(second, pair / "out"), into, dirs_exist_ok=True)
+    words = ["bench", str(pair / "suite.toml"), "--out", str(pair / "out"), "--rescore"]
+    assert main([*words, "--quiet"]) == 1
+    head, *told = capsys.readouterr().err.splitlines()
+    assert "1 row is left out" in head
+    assert "or not run as the suite says; without --rescore they are run again" in head
+    was, now = second.command(), first.command()
+    why = f"{into / 'row.json'}: was run as `{was}`; the suite has `{now}` for this row now"
+    assert told == [f"  {first.key}: {why}"]
+    (pair / "suite.toml").write_text(SUITE.replace("[1, 2]", "[2]").replace("flatness", "mpc"))
+    ((name, why),) = rescored(pair).items()
+    assert name == "b-base-analytic-truth-none-2"
+    assert "the suite has `ttwmr run base.toml --set 'controller={kind=\"mpc\"}'" in why.replace(
+        f"{pair}/", ""
+    )
+
+
 def test_rows_of_a_task_that_was_edited_since_are_left_out(
     pair: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

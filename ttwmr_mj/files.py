@@ -24,6 +24,7 @@ from ttwmr_mj.errors import Fault, InputError, MachineError, cut, require, shown
 MOST_BYTES = 16_000_000  # of a TOML file; those of a plan have some thousand points
 MOST_LEVELS = 32  # of tables and lists within each other; a scenario has six
 _rename, _dumps = os.replace, json.dumps  # which a law may put others in place of
+BESIDE = "write it into a file: the files that it names are looked up beside it"  # for pipes
 UNHEARD = logging.NullHandler()
 DRAFT = ".part"  # what a file's name ends with until it is whole
 
@@ -295,14 +296,23 @@ def is_stream(path: Path) -> bool:
     return there and not is_file(path)
 
 
-def require_none_but_files(path: Path) -> None:
+def holds(folder: Path, name: str) -> bool:
+    """Whether there is such a file in a folder.
+
+    Raises:
+        InputError: there is something else of that name.
+    """
+    require_none_but_files(folder / name, hint="")
+    return is_file(folder / name)
+
+
+def require_none_but_files(path: Path, hint: str = BESIDE) -> None:
     """Refuse a path where there is something, and no file.
 
     Raises:
         InputError: with what is there.
     """
     if is_stream(path):
-        hint = "write it into a file: the files that it names are looked up beside it"
         raise InputError(Fault(problem="is a pipe or a device", hint=hint), file=str(path))
     if os.path.isdir(path):  # noqa: PTH112  # as above
         raise InputError(Fault(problem="is a folder"), file=str(path))

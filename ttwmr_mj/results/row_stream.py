@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import no_device
+from ttwmr_mj.files import holds, no_device
 from ttwmr_mj.results.parquet import sound
 from ttwmr_mj.results.trajectory import Trajectory
 
@@ -104,13 +104,11 @@ def rows_file(folder: Path) -> Path:
     """Where the rows of a run folder are: of a run that was killed, in what was growing.
 
     Raises:
-        InputError: there are none.
+        InputError: there are none, or something that is no file has their name.
     """
-    whole, growing = folder / "trajectory.parquet", folder / ROWS_FILE
-    if whole.is_file():
-        return whole
-    if growing.is_file():
-        return growing
+    for name in ("trajectory.parquet", ROWS_FILE):
+        if holds(folder, name):
+            return folder / name
     raise InputError(
         f"there is no trajectory.parquet and no {ROWS_FILE}: this is not a run folder, or "
         "its run ended before a row was written",

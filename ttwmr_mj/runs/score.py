@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from ttwmr_mj.errors import InputError
-from ttwmr_mj.files import no_device
+from ttwmr_mj.files import holds, require_none_but_files
 from ttwmr_mj.results.metrics_file import MEASURED
 from ttwmr_mj.results.row_stream import ROWS_FILE
 from ttwmr_mj.results.trajectory import Trajectory
@@ -31,14 +31,11 @@ def score_run(folder: Path) -> dict[str, Any]:
         InputError: it is no run folder, what it holds cannot be read or be of one run, or the run
             still goes on.
     """
-    if not (folder / "scenario.resolved.toml").is_file():
+    if not holds(folder, "scenario.resolved.toml"):
         problem = "no run folder, it has no scenario.resolved.toml"
         raise InputError.at("RUN", problem, got=str(folder))
     for name in ("metrics.json", "trajectory.parquet", ROWS_FILE):
-        try:
-            no_device(folder / name)
-        except OSError as error:
-            raise InputError("is not a regular file", file=str(folder / name)) from error
+        require_none_but_files(folder / name, hint="")
     with locked(folder, key="RUN"):
         run = StoredRun.read(folder)
         scenario, rows, stored = run.scenario, run.rows, run.metrics

@@ -98,6 +98,8 @@ def _told_left_out(left_out: dict[str, str], rescored: bool) -> str:
         "it, mend the law"
     )
     if rescored:
-        why = "damaged or of another scenario; without --rescore they are run again"
+        why = (
+            "incomplete, damaged or not run as the suite says; without --rescore they are run again"
+        )
     lines = (f"  {key}: {reason}" for key, reason in left_out.items())
     return "\n".join([f"{count} left out, {why}:", *lines])

@@ -14,6 +14,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 from ttwmr_mj.errors import InputError, MachineError, cut, shown, whole
+from ttwmr_mj.files import holds, require_none_but_files
 
 MAGIC = b"RRF"  # that recordings begin with
 LOOPBACK = "127.0.0.1"
@@ -214,9 +215,11 @@ def _named(given: Path | None) -> Path:
     if given.is_dir():
         inside = sorted(_files(given, "*.rrd"))
         if not inside:
+            for path in sorted(given.glob("*.rrd")):
+                require_none_but_files(path, hint="")
             raise InputError(f"{given}: no .rrd file in this folder")
         return inside[0]
-    if not given.is_file():
+    if not holds(given.parent, given.name):
         raise InputError(f"{given}: no such file or folder")
     return given
 

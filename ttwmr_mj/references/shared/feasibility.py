@@ -47,6 +47,7 @@ FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
 # |F''| that the flatness-based law needs. The slowest circle of 0.6 m that it can be told to follow
 # takes 150 s; in a plan, F'' passes through zero.
 LEAST_ACCELERATION_M_S2 = 1e-3
+NOSE = ("robot", "casters", "tractor_position_m")
 LEAST_PACE, PACES = 0.02, 12  # of `feasible_pace`: what is slower is no answer; halvings
 
 
@@ -141,8 +142,9 @@ def _drive(
         volts = torque / drive.gain + drive.back * speed
         supply = drive.input_limit
         yield along.at_most("motor voltage", "V", volts, supply, *key, "motor", "supply_voltage_v")
-    friction = floor_friction * _weight_on_wheels(robot)
-    yield along.at_most("grip", "N", grip, friction, "plant", "contact", "floor_friction")
+    weight = _weight_on_wheels(robot)
+    source = ("plant", "contact", "floor_friction") if weight else NOSE
+    yield along.at_most("grip", "N", grip, floor_friction * weight, *source)
 
 
 def _flatness(reference: ReferencePath, robot: RobotParameters) -> Demand:
@@ -206,10 +208,13 @@ def _forces(
 
 
 def _weight_on_wheels(robot: RobotParameters) -> float:
-    """Normal force on both wheels at rest [N]; the nose caster carries a1/position of the rest."""
+    """Normal force on both wheels at rest [N]; the nose's ball carries a1/position of the weight.
+
+    All of it where the COM is not behind the ball.
+    """
     tractor = robot.tractor
     share = 1.0 - tractor.com_offset_m / robot.casters.tractor_position_m
-    return GRAVITY_M_S2 * tractor.mass_kg * share
+    return GRAVITY_M_S2 * tractor.mass_kg * max(0.0, share)
 
 
 def _reach(q: FloatArray, workspace_m: tuple[float, float], robot: RobotParameters) -> FloatArray:

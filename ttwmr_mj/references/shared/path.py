@@ -2,11 +2,13 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from itertools import pairwise
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from ttwmr_mj.references.shared.rates import require_rate
 from ttwmr_mj.state import ArrayFields, FloatArray
 
 
@@ -209,3 +211,18 @@ def require_motion(path: object, time_s: FloatArray, trailers: int) -> None:
             raise ValueError(f"{name} is not finite at t = {first_s:g} s")
     if not np.array_equal(path.time_s, time_s):
         raise ValueError("time_s are not the times that were asked for")
+    _require_rates(path)
+
+
+def _require_rates(path: ReferencePath) -> None:
+    """Refuse derivatives that are not those of the motion, of which laws would be told."""
+    theta = {name: getattr(path, name) for name in ("theta", "theta_rate", "theta_acceleration")}
+    motions = {"derivatives": path.derivatives, "flat_derivatives": path.flat_derivatives}
+    chains = [
+        {f"{name}[:, :, {i}]": orders[:, :, i] for i in range(5)}
+        for name, orders in motions.items()
+        if orders is not None
+    ]
+    for chain in (theta, *chains):
+        for k, (values, rate) in enumerate(pairwise(chain)):
+            require_rate((values, rate), path.time_s, chain[values], chain[rate], jumps=k > 0)

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from ttwmr_mj.errors import Fault, rounded
 from ttwmr_mj.references.shared.demand import Along, Demand, Feasibility
-from ttwmr_mj.references.shared.feasibility import LEAST_PACE, feasible_pace
+from ttwmr_mj.references.shared.feasibility import LEAST_PACE, NOSE, feasible_pace
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.runs.judgement.verdict import demands_of
 from ttwmr_mj.scenario.motion import initial_state, sample_reference
@@ -29,7 +29,11 @@ OF_THE_TRAILER = (
 def foreseen(scenario: Scenario) -> list[Fault]:
     """What this robot cannot do of what the reference asks, longer than for a moment."""
     reference = sample_reference(scenario)
-    at_once = [*_overlapping(scenario, reference), *_pushes_too_late(scenario)]
+    at_once = [
+        *_unsupported(scenario),
+        *_overlapping(scenario, reference),
+        *_pushes_too_late(scenario),
+    ]
     if reference is None:
         return at_once
     until_end = reference.until(scenario.periods + 1)
@@ -54,6 +58,20 @@ def _pushes_too_late(scenario: Scenario) -> list[Fault]:
         for i, push in enumerate(scenario.plant.pushes)
         if push.start_s >= scenario.duration_s
     ]
+
+
+def _unsupported(scenario: Scenario) -> list[Fault]:
+    """A tractor whose weight is on none of its wheels: it can neither drive nor stand by itself."""
+    ahead_m = scenario.robot.tractor.com_offset_m
+    ball_m = scenario.robot.casters.tractor_position_m
+    if scenario.plant.kind != "contact" or ball_m > ahead_m:
+        return []
+    problem = (
+        f"the tractor's ball is {1e3 * ball_m:.3g} mm ahead of P, and its centre of mass "
+        f"{1e3 * ahead_m:.3g} mm: no weight is on its wheels, and it may tip over its ball"
+    )
+    allowed = f"more than {ahead_m:.6g} (robot.tractor.com_offset_m)"
+    return [Fault(key=NOSE, problem=problem, allowed=allowed)]
 
 
 def _overlapping(scenario: Scenario, reference: ReferencePath | None) -> list[Fault]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 from ttwmr_mj.config import frozen
-from ttwmr_mj.errors import Fault, InputError, refused, shown
+from ttwmr_mj.errors import Fault, InputError, in_brief, refused, shown
 from ttwmr_mj.files import read_json, resolved, write_json
 from ttwmr_mj.results.accept import Status
 from ttwmr_mj.results.verdict import VERDICTS
@@ -41,16 +41,18 @@ def row_folder(row: SuiteRow, folder: Path) -> Path:
 
 
 def stored_row(row: SuiteRow, folder: Path) -> dict[str, Any] | None:
-    """The row.json of a finished run of this row, by the same command; None if there is none.
+    """The row.json of a finished run of this row; None if there is none.
 
     Whether the code and the files are still those of that run, only `run_suite` asks.
 
     Raises:
-        InputError: it is damaged.
+        InputError: it is damaged, or of a run by another command than the row's.
     """
     stored = _read_row(row, folder)
-    if stored is None or _wording(stored["run"]) != _wording(row.command()):
-        return None
+    if stored is not None and _wording(stored["run"]) != _wording(row.command()):
+        was, now = (in_brief(command) for command in (stored["run"], row.command()))
+        problem = f"was run as `{was}`; the suite has `{now}` for this row now"
+        raise InputError(problem, file=str(row_folder(row, folder) / ROW_FILE))
     return stored
 
 

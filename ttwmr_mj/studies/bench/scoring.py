@@ -1,5 +1,6 @@
 """From run folders to lines of a ranking: scored from stored trajectories, nothing simulated."""
 
+import os
 from collections import Counter, defaultdict
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -36,8 +37,8 @@ class Board:
         lines: tasks apart; within one, fewer failures first, then the smaller error.
         rows: how many the suite has.
         made_by: version and commit → rows made by it; all together those that were run.
-        damaged: rows whose files cannot be read, or are of another scenario than the suite gives
-            them now, and why; they count as not run.
+        damaged: rows whose files are missing, cannot be read, or are of another command or scenario
+            than the suite gives them, and why; they count as not run.
     """
 
     lines: list[Line]
@@ -49,7 +50,7 @@ class Board:
 def collect(suite: Suite, folder: Path) -> Board:
     """Score every finished row of a suite and rank the lines within each task.
 
-    A row whose files vanish meanwhile, as of one that is run again, is not finished.
+    A row whose files vanish meanwhile, row.json too, as of one that is run again, is not finished.
 
     Raises:
         InputError: there is no finished row, and no damaged one.
@@ -134,9 +135,13 @@ def _scored(row: SuiteRow, folder: Path) -> Run | None:
         elif (into / SCENARIO_FILE).is_file():  # else it never started
             _refuse_another(load_scenario(into / SCENARIO_FILE), into, row)
     except (OSError, InputError):
-        if all((into / file).is_file() for file in needed):  # there, and damaged
+        missing = [file for file in needed if not os.path.lexists(into / file)]
+        if not missing:  # damaged
             raise
-        return None
+        if not (into / ROW_FILE).is_file():  # removed meanwhile
+            return None
+        problem = f"is missing, and {ROW_FILE} says that the run ended"
+        raise InputError(problem, file=str(into / missing[0])) from None
     values = {column: how.of(numbers, row.scored) for column, how in COLUMNS.items()}
     return Run(row.seed, name, sentence, stored["status"] == "ok", values)
 

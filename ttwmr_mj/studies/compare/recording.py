@@ -28,6 +28,7 @@ from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.studies.compare.measures.deviation import Deviation
 from ttwmr_mj.studies.compare.pair import Pair
+from ttwmr_mj.studies.compare.text import ENERGY_LOST
 
 GHOST = "world/analytic"  # the analytic model's robot
 GHOST_RGBA = (0.35, 0.78, 0.51, 0.25)
@@ -61,7 +62,7 @@ TABS: dict[str, dict[str, tuple[str, Series]]] = {
         ),
     },
     "Residuals": {
-        "energy": ("energy lost to the floor [mJ]", Series(("energy",), (style.REFERENCE,))),
+        "energy": (f"{ENERGY_LOST} [mJ]", Series(("energy",), (style.REFERENCE,))),
         "torque": (
             "torque missing in the trailer's equation (Eq. 17) [µN·m]",
             Series(("torque",), (style.TRAILER,)),

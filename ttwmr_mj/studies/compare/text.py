@@ -8,6 +8,7 @@ from typing import Any
 from ttwmr_mj.studies.compare.explain.attribution import TRAILERS, unit_of
 from ttwmr_mj.studies.compare.explain.effects import EFFECTS
 
+ENERGY_LOST = "energy lost to floor, balls and gears"
 ROWS = (
     ("position_deviation_max_m", "P, largest deviation", 1e3, "mm"),
     ("position_deviation_rms_m", "P, rms deviation", 1e3, "mm"),
@@ -20,7 +21,7 @@ ROWS = (
     ),
     ("constraint_residual_max_m_s", "side slip of P (Eq. 3), largest", 1e3, "mm/s"),
     ("trailer_equation_residual_rms_n_m", "trailer torque (Eq. 17), rms residual", 1e6, "µN·m"),
-    ("energy_residual_final_j", "energy lost to the floor", 1e3, "mJ"),
+    ("energy_residual_final_j", ENERGY_LOST, 1e3, "mJ"),
 )
 NAMES = {effect.name: effect.text for effect in EFFECTS} | {
     "higher_interactions": "three and more effects together",
