@@ -56,6 +56,8 @@ def made(
     plan = {
         "parameters": given,
         "variants": {},
+        "base": {},
+        "overrides": [],
         "seeds": [*range(SEEDS)],
         "draws": int(draw.max()) + 1,
         "sampling": sampling,
@@ -103,23 +105,28 @@ def test_without_chance_a_parameter_explains_all_or_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sampling", "distribution", "draws", "design", "free"),
+    ("sampling", "distribution", "draws", "design", "world", "free"),
     [
-        ("grid", False, 4, 0, 12),  # every run but those of the other variant
-        ("grid", True, 4, 0, 3),  # each seed draws
-        ("random", True, 4, 0, 4),
-        ("random", True, 1, 0, 3),  # at one place, seeds are all there is
-        ("sobol", False, 4, 2, 2),  # two base samples with A and B of each
+        ("grid", False, 4, 0, "kind", 12),  # every run but those of the other variant
+        ("grid", True, 4, 0, "kind", 3),  # each seed draws
+        ("grid", False, 4, 0, "unkind", 3),  # each seed draws a world
+        ("random", True, 4, 0, "kind", 4),
+        ("random", True, 4, 0, "unkind", 3),
+        ("random", True, 2, 0, "unkind", 2),
+        ("random", True, 1, 0, "kind", 3),  # at one place, seeds are all there is
+        ("sobol", False, 4, 2, "kind", 2),  # two base samples with A and B of each
     ],
 )
 def test_what_shares_a_draw_counts_as_one_run(
-    sampling: str, distribution: bool, draws: int, design: int, free: int
+    sampling: str, distribution: bool, draws: int, design: int, world: str, free: int
 ) -> None:
     """Two variants with three seeds of each draw."""
     draw, seed, variant = (a.ravel() for a in np.indices((draws, 3, 2)))
     plan = {
         "parameters": {WORKS: {"axis": 0, **({"distribution": "normal"} if distribution else {})}},
         "variants": {"a": [], "b": []},
+        "base": {},
+        "overrides": [f'world = "{world}"'],
         "seeds": [0, 1, 2],
         "draws": draws,
         "sampling": sampling,
@@ -128,3 +135,14 @@ def test_what_shares_a_draw_counts_as_one_run(
     sweep = Sweep(plan, {"draw": draw, "seed": seed, "variant": np.array(["a", "b"])[variant]})
     assert sweep.independent == free
     assert all(runs.independent == free for runs in sweep.variants.values())
+    # wherever the world is named
+    named: dict[str, dict[str, Any]] = {
+        "base": {"base": {"world": world}},
+        "variants": {"variants": {"a": [], "b": [f"world={world}"]}},
+        "parameters": {
+            "parameters": {**plan["parameters"], "world": {"axis": 1, "values": [world]}}
+        },
+    }
+    for where in named.values():
+        other = Sweep({**plan, "overrides": [], **where}, sweep.table)
+        assert other.seeds_draw == sweep.seeds_draw

@@ -13,7 +13,7 @@ from ttwmr_mj.dynamics.kinematics import wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.motor import Drive, Firmware
 from ttwmr_mj.dynamics.servo import Ramp
 from ttwmr_mj.plants.base import Plant
-from ttwmr_mj.plants.contact_readings import contact_columns, read_contacts
+from ttwmr_mj.plants.contact_readings import contact_columns, joined, read_contacts
 from ttwmr_mj.plants.footing import Footing
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.plants.model.engine import Faults, batch, mujoco
@@ -124,7 +124,7 @@ class ContactPlant(Plant):
             for model in self.models
         ]
         settled = self._settled_qpos[:, self._joints.free_qpos + HEIGHT]
-        columns = self._contact_columns[: len(WHEELS)]
+        columns = self._contact_columns[: len(WHEELS), 0]  # of the strongest contacts
         return Stance(reliefs, self._joints, settled, tyres, columns)
 
     def reset(self, initial: RobotState) -> None:
@@ -216,8 +216,8 @@ class ContactPlant(Plant):
         return np.array(self._qpos)
 
     def contact_readings(self) -> FloatArray:
-        """(nsim, 3 + 2n, 15) raw contact sensors of the last physics step, for `read_contacts`."""
-        return np.asarray(self._sensordata[:, self._contact_columns])  # a copy, by a list of places
+        """(nsim, 3 + 2n, 15) contact sensors of the last physics step, for `read_contacts`."""
+        return joined(self._sensordata[:, self._contact_columns])
 
     def advance(self, command: FloatArray, steps: int) -> None:
         """Hold a command (nsim, 2) (right, left) for a number of physics steps.

@@ -17,14 +17,38 @@ class WheelContacts(NamedTuple):
     """
 
     force_n: FloatArray  # of the floor on the robot; zero without contact
-    position_m: FloatArray  # contact points
-    slip_m_s: FloatArray  # velocity of the robot's surface over the floor
+    position_m: FloatArray  # contact points; of several contacts the strongest's
+    slip_m_s: FloatArray  # velocity of the robot's surface over the floor, there
+
+
+READINGS = 15  # of one contact: force, position, normal, tangent and velocity
 
 
 def contact_columns(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
-    """(contacts, 15) columns of sensordata that hold each contact's readings."""
-    starts = [int(model.sensor(contact_sensor(name)).adr[0]) for name in names]
-    return np.array(starts)[:, None] + np.arange(15)
+    """(bodies, contacts, 15) columns of sensordata that hold the contacts of each wheel or ball."""
+    sensors = [model.sensor(contact_sensor(name)) for name in names]
+    most = min(int(sensor.dim[0]) for sensor in sensors)  # a robot of one's own may have fewer
+    starts = np.array([int(sensor.adr[0]) for sensor in sensors])
+    return starts[:, None, None] + np.arange(most).reshape(1, -1, READINGS)
+
+
+def joined(readings: FloatArray) -> FloatArray:
+    """Readings (..., 15) of the strongest contact with the force of all (..., contacts, 15).
+
+    The strongest alone can be far from what the floor does: on terrain MuJoCo may squeeze a tyre
+    between two contacts of opposite normals.
+    """
+    first, others = readings[..., 0, :].copy(), readings[..., 1:, :]
+    if others.any():
+        more = np.einsum("...ci,...cij->...j", others[..., :3], _frame(others))
+        first[..., :3] += np.einsum("...ij,...j->...i", _frame(first), more)
+    return first
+
+
+def _frame(readings: FloatArray) -> FloatArray:
+    """(..., 3, 3) axes of the contact frame, in rows."""
+    normal, tangent = readings[..., 6:9], readings[..., 9:12]
+    return np.stack([normal, tangent, np.cross(normal, tangent)], axis=-2)
 
 
 def read_contacts(readings: FloatArray) -> WheelContacts:
@@ -34,8 +58,8 @@ def read_contacts(readings: FloatArray) -> WheelContacts:
     points from the robot to the floor, of the force *on the floor* and of the floor's velocity
     relative to the robot: both change sign here.
     """
-    force, position, normal, tangent, velocity = np.split(readings, 5, axis=-1)
-    frame = np.stack([normal, tangent, np.cross(normal, tangent)], axis=-2)
+    force, position, _, _, velocity = np.split(readings, 5, axis=-1)
+    frame = _frame(readings)
     return WheelContacts(
         force_n=-np.einsum("...i,...ij->...j", force, frame),
         position_m=np.array(position),

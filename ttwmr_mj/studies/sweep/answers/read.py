@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -148,22 +149,33 @@ class Sweep:
         sample, which = np.divmod(self.table["draw"].astype(int), len(design["sets"]))
         return sample, which
 
-    @property
+    @cached_property
     def seeds_draw(self) -> bool:
-        """Whether each seed has a value of its own of some parameter, as on a grid."""
-        return self.plan["sampling"] == "grid" and any("distribution" in a.given for a in self.axes)
+        """Whether each seed draws: a world, or on a grid the values of some parameter."""
+        drawn = any("distribution" in axis.given for axis in self.axes)
+        return (drawn and self.plan["sampling"] == "grid") or self._has_drawn_worlds()
+
+    def _has_drawn_worlds(self) -> bool:
+        sets = [*self.plan["overrides"], *itertools.chain(*self.plan["variants"].values())]
+        sets += [
+            f"world={value}" for value in self.plan["parameters"].get("world", {}).get("values", ())
+        ]
+        given = {"".join(text.split()).replace('"', "").replace("'", "") for text in sets}
+        return "world=unkind" in given or self.plan["base"].get("world") == "unkind"
 
     @cached_property
     def independent(self) -> int:
-        """How many of the runs share nothing that was drawn with each other."""
+        """How many of the runs share nothing that was drawn with each other, but for noise."""
         draw, seed = (self.table[name].astype(int) for name in ("draw", "seed"))
+        pairs = len({*zip(draw.tolist(), seed.tolist(), strict=True)})  # variants share them
+        sources = [pairs]
         if self.design is not None:
-            return len(np.unique(self.design[0]))
-        if self.plan["sampling"] != "grid" and self.plan["draws"] > 1:
-            return len(np.unique(draw))
-        if self.seeds_draw:
-            return len(np.unique(seed))
-        return len({*zip(draw.tolist(), seed.tolist(), strict=True)})  # variants share them
+            sources.append(len(np.unique(self.design[0])))
+        elif self.plan["sampling"] != "grid" and self.plan["draws"] > 1:
+            sources.append(len(np.unique(draw)))
+        if self.seeds_draw and len(self.plan["seeds"]) > 1:
+            sources.append(len(np.unique(seed)))
+        return min(sources)
 
     def sources(self, axis: Axis) -> np.ndarray:
         """(n,) which draw each run has an axis' value of; runs of the same one are no two words."""
