@@ -18,13 +18,13 @@ KERB = "{height_m=0.006, x_m=0.15, y_m=0.0, length_m=0.03, width_m=0.4}"
 NAMES = contacts(1)
 
 
-def summed(plant: ContactPlant) -> tuple[FloatArray, FloatArray]:
-    """Forces (5, 3) of the floor on wheels and balls, and how many contacts each has (5,)."""
+def summed(plant: ContactPlant) -> FloatArray:
+    """Forces (5, 3) of the floor on wheels and balls, over all of MuJoCo's contacts."""
     data = mujoco.MjData(plant.model)
     data.qpos[:], data.qvel[:] = plant._qpos[0], plant._qvel[0]
     data.ctrl[:] = plant._control[0]
     mujoco.mj_forward(plant.model, data)
-    force_n, count = np.zeros((len(NAMES), 3)), np.zeros(len(NAMES))
+    force_n = np.zeros((len(NAMES), 3))
     for i, contact in enumerate(data.contact):
         wrench = np.zeros(6)
         mujoco.mj_contactForce(plant.model, data, i, wrench)
@@ -32,8 +32,7 @@ def summed(plant: ContactPlant) -> tuple[FloatArray, FloatArray]:
         for geom, sign in ((contact.geom1, -1.0), (contact.geom2, 1.0)):
             if (name := plant.model.geom(geom).name) in NAMES:
                 force_n[NAMES.index(name)] += sign * on_second
-                count[NAMES.index(name)] += 1
-    return force_n, count
+    return force_n
 
 
 def test_a_ball_that_floor_and_kerb_touch_at_once_feels_both() -> None:
@@ -47,14 +46,14 @@ def test_a_ball_that_floor_and_kerb_touch_at_once_feels_both() -> None:
     for _ in range(200):
         plant.advance(np.full((1, 2), 5.0), 13)
         plant._batch.forward()  # readings are of a step's start, and the state of its end
-        force_n, count = summed(plant)
+        force_n = summed(plant)
         # another start of the solver's iteration is all that differs
         assert read_contacts(plant.contact_readings()).force_n[0] == pytest.approx(
             force_n, abs=1e-6
         )
-        several += int(count.max() > 1.0)
+        strongest = plant._sensordata[:, plant._contact_columns[:, 0]]
+        several += int(np.abs(read_contacts(strongest).force_n[0] - force_n).max() > 0.1)
     assert several > 3
-    assert np.abs(force_n[2]).max() > 10.0  # as the kerb pushes back
 
 
 def test_the_strongest_contact_has_the_force_of_all() -> None:
