@@ -1,9 +1,11 @@
 """Terrain and kerbs in the MjModel: built into it, and read back as heights."""
 
+from pathlib import Path
+
 import numpy as np
 
 from ttwmr_mj.dynamics.floor.ground import Ground
-from ttwmr_mj.dynamics.floor.terrain import Terrain, scaled
+from ttwmr_mj.dynamics.floor.terrain import PICTURE, Terrain, scaled
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.state import FloatArray
@@ -58,10 +60,14 @@ def _heights(terrain: Terrain) -> FloatArray:
         return terrain.heights_m()
     import cv2  # only who has a picture needs it
 
-    picture = cv2.imread(terrain.png_path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    from ttwmr_mj.pixels import read_pixels
+
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+    picture = read_pixels(Path(terrain.png_path), flags)
     if picture is None or min(picture.shape) < 2:
-        problem = "cannot be read as a picture of at least 2×2 pixels"
-        raise InputError.at("ground.terrain.png_path", problem, got=repr(terrain.png_path))
+        problem = "cannot be read as a picture of 2×2 pixels to 30 megapixels"
+        got = repr(terrain.png_path)
+        raise InputError.at("ground.terrain.png_path", problem, got=got, hint=PICTURE)
     return scaled(np.flipud(picture).astype(np.float64), terrain.rms_height_m)
 
 
