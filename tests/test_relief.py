@@ -104,15 +104,17 @@ def test_a_picture_is_terrain(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", [["validate"], ["run", "--out", "out"]])
 @pytest.mark.parametrize(
-    ("rows", "columns", "problem"),
+    ("rows", "columns", "levels", "problem"),
     [
-        (5478, 5478, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
-        (40, 1, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
+        (5478, 5478, 250, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
+        (40, 1, 250, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
+        (50, 50, 1, "is of one grey level, which would be level ground"),
     ],
 )
 def test_a_picture_that_is_no_terrain_is_refused(
     rows: int,
     columns: int,
+    levels: int,
     problem: str,
     command: list[str],
     tmp_path: Path,
@@ -121,7 +123,7 @@ def test_a_picture_that_is_no_terrain_is_refused(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     (tmp_path / "hills.toml").write_text(HILLS)
-    height = np.arange(rows) % 250
+    height = 5 + np.arange(rows) % levels
     cv2.imwrite("hills.png", np.repeat(height[:, None], columns, axis=1).astype(np.uint8))
     assert main([*command, "hills.toml"]) == 2
     told = capsys.readouterr().err
