@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
+from ttwmr_mj.cli.main import main
 from ttwmr_mj.dynamics.floor.ground import Ground
 from ttwmr_mj.dynamics.floor.terrain import Kerb, Terrain
 from ttwmr_mj.errors import InputError
@@ -22,6 +23,21 @@ from ttwmr_mj.state import RobotState
 
 ROLLING = Terrain(rms_height_m=0.004, correlation_length_m=0.4, half_size_m=2.0, seed=3)
 COARSE = ContactOptions(timestep_s=0.001, contact_time_constant_s=0.002)
+HILLS = """
+name = "hills"
+duration_s = 1.0
+[initial]
+kind = "at_rest"
+[reference]
+kind = "none"
+[controller]
+kind = "open_loop"
+segments = [{duration_s = 1.0, wheel_right_rad_s = 0.0, wheel_left_rad_s = 0.0}]
+[ground.terrain]
+rms_height_m = 0.005
+half_size_m = 1.0
+png_path = "hills.png"
+"""
 
 
 def test_random_terrain_has_the_height_and_the_correlation_it_is_asked_for() -> None:
@@ -73,13 +89,7 @@ def test_a_picture_is_terrain(tmp_path: Path) -> None:
     picture[:, 15:] = 200  # the east is high
     picture[:5] += 40  # and the north a little
     cv2.imwrite(str(tmp_path / "hills.png"), picture)
-    (tmp_path / "hills.toml").write_text(
-        'name = "hills"\nduration_s = 1.0\n[initial]\nkind = "at_rest"\n[reference]\n'
-        'kind = "none"\n'
-        '[controller]\nkind = "open_loop"\nsegments = [{duration_s = 1.0, wheel_right_rad_s = 0.0, '
-        "wheel_left_rad_s = 0.0}]\n[ground.terrain]\nrms_height_m = 0.005\nhalf_size_m = 1.0\n"
-        'png_path = "hills.png"\n'
-    )
+    (tmp_path / "hills.toml").write_text(HILLS)
     scenario = tt.load_scenario(tmp_path / "hills.toml")
     model = build_model(scenario.robot, COARSE, scenario.ground)
     relief = Relief(model)
@@ -90,6 +100,35 @@ def test_a_picture_is_terrain(tmp_path: Path) -> None:
     (tmp_path / "hills.png").write_bytes(b"no picture")
     with pytest.raises(InputError, match="png_path"):
         build_model(scenario.robot, COARSE, scenario.ground)
+
+
+@pytest.mark.parametrize("command", [["validate"], ["run", "--out", "out"]])
+@pytest.mark.parametrize(
+    ("rows", "columns", "levels", "problem"),
+    [
+        (5478, 5478, 250, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
+        (40, 1, 250, "cannot be read as a picture of 2×2 pixels to 30 megapixels"),
+        (50, 50, 1, "is of one grey level, which would be level ground"),
+    ],
+)
+def test_a_picture_that_is_no_terrain_is_refused(
+    rows: int,
+    columns: int,
+    levels: int,
+    problem: str,
+    command: list[str],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "hills.toml").write_text(HILLS)
+    height = 5 + np.arange(rows) % levels
+    cv2.imwrite("hills.png", np.repeat(height[:, None], columns, axis=1).astype(np.uint8))
+    assert main([*command, "hills.toml"]) == 2
+    told = capsys.readouterr().err
+    for part in ("ground.terrain.png_path", problem, "leave the key out for random terrain"):
+        assert part in told
 
 
 def test_robots_start_at_rest_on_rolling_ground_where_they_are_told() -> None:

@@ -128,7 +128,10 @@ class ContactPlant(Plant):
         return Stance(reliefs, self._joints, settled, tyres, columns)
 
     def reset(self, initial: RobotState) -> None:
-        """Stand the robots, settled in their contacts, at the initial pose and velocity."""
+        """Stand the robots, settled in their contacts, at the initial pose and velocity.
+
+        On uneven ground they are settled where they come to rest, as `_settled_on_relief` says.
+        """
         self._batch.reset()
         self._faults.forget()
         standing = self._settled_qpos
@@ -154,7 +157,11 @@ class ContactPlant(Plant):
         self._roll_balls()
 
     def _settled_on_relief(self, initial: RobotState) -> FloatArray:
-        """(nsim, nq) patterns of yaw 0 of robots that were let down on uneven ground at q."""
+        """(nsim, nq) patterns of yaw 0 of robots that were let down on uneven ground at q.
+
+        Of one that slides or turns meanwhile, as off the edge of a plate, height and tilt are those
+        of where it came to rest: at q it may hang above the ground, or be inside a plate.
+        """
         qpos = self._joints.standing(self._settled_qpos, initial.q)
         free = self._joints.free_qpos
         for i, relief in enumerate(self._reliefs):

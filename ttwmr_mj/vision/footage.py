@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import BaseModel, FailFast, Field, ValidationError
 
 from ttwmr_mj.errors import Fault, InputError, Keys, RunError, whole
+from ttwmr_mj.quiet import quiet
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, refuse_missing
-from ttwmr_mj.vision.quiet import quiet
 
 DEFAULT_RATE_HZ = 30.0  # where a stream does not report its rate, and of pictures without times
 MOST_RATE_HZ = 1e5  # no camera's: a damaged header's

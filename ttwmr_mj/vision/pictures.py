@@ -1,19 +1,15 @@
 """Pictures from files, which may be damaged or enormous."""
 
-import math
 import re
-import warnings
 from pathlib import Path
-from typing import cast
 
 import cv2
 import numpy as np
 
 from ttwmr_mj.errors import Fault, InputError
+from ttwmr_mj.pixels import read_pixels
 from ttwmr_mj.vision.camera.frame import Image
-from ttwmr_mj.vision.quiet import quiet
 
-MOST_PIXELS = 30_000_000  # of a picture: it takes seconds to search
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
@@ -39,7 +35,7 @@ def read_picture(path: Path) -> Image:
         InputError: it is missing, or cannot be read as a picture of reasonable size.
     """
     refuse_missing(path)
-    image = _read(path)
+    image = read_pixels(path, cv2.IMREAD_COLOR)
     if image is None:
         unreadable = Fault(
             problem="cannot be read as an image", hint="PNG and JPEG of up to 30 megapixels work"
@@ -52,19 +48,3 @@ def refuse_missing(path: Path) -> None:
     """Raise an InputError where no file has this name; a pipe, which would never end, is none."""
     if not path.is_file():
         raise InputError(Fault(problem="no picture file of this name"), file=str(path))
-
-
-def _read(path: Path) -> Image | None:
-    from PIL import Image as Pillow
-
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of damaged and of enormous pictures
-            with Pillow.open(path) as image:
-                if math.prod(image.size) > MOST_PIXELS:
-                    return None
-                image.load()  # OpenCV takes 4 GB where a damaged PNG says that it is so long
-        with quiet():
-            return cast("Image | None", cv2.imread(str(path), cv2.IMREAD_COLOR))
-    except Exception:  # libraries raise anything of pictures that are damaged or enormous
-        return None

@@ -1,9 +1,11 @@
 """Terrain and kerbs in the MjModel: built into it, and read back as heights."""
 
+from pathlib import Path
+
 import numpy as np
 
 from ttwmr_mj.dynamics.floor.ground import Ground
-from ttwmr_mj.dynamics.floor.terrain import Terrain, scaled
+from ttwmr_mj.dynamics.floor.terrain import PICTURE, Terrain, scaled
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.plants.model.engine import mujoco
 from ttwmr_mj.state import FloatArray
@@ -18,7 +20,7 @@ def add_relief(spec: mujoco.MjSpec, ground: Ground) -> None:
     """Put terrain and kerbs on the floor, which then lies under the lowest point.
 
     Raises:
-        InputError: the terrain's picture cannot be read.
+        InputError: the terrain's picture cannot be read, or has no heights.
     """
     low = 0.0
     if ground.terrain is not None:
@@ -58,11 +60,20 @@ def _heights(terrain: Terrain) -> FloatArray:
         return terrain.heights_m()
     import cv2  # only who has a picture needs it
 
-    picture = cv2.imread(terrain.png_path, cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH)
+    from ttwmr_mj.pixels import read_pixels
+
+    flags = cv2.IMREAD_GRAYSCALE | cv2.IMREAD_ANYDEPTH
+    picture = read_pixels(Path(terrain.png_path), flags)
     if picture is None or min(picture.shape) < 2:
-        problem = "cannot be read as a picture of at least 2×2 pixels"
-        raise InputError.at("ground.terrain.png_path", problem, got=repr(terrain.png_path))
+        raise _refused(terrain, "cannot be read as a picture of 2×2 pixels to 30 megapixels")
+    if picture.min() == picture.max():
+        raise _refused(terrain, "is of one grey level, which would be level ground")
     return scaled(np.flipud(picture).astype(np.float64), terrain.rms_height_m)
+
+
+def _refused(terrain: Terrain, problem: str) -> InputError:
+    got = repr(terrain.png_path)
+    return InputError.at("ground.terrain.png_path", problem, got=got, hint=PICTURE)
 
 
 def take_off(model: mujoco.MjModel) -> None:
