@@ -17,12 +17,12 @@ from scenario_tables import scenario_keys
 
 from ttwmr_mj.cli.engine import add_subcommand, load_subcommands
 from ttwmr_mj.controllers.base import CONTROLLERS
-from ttwmr_mj.motor import Motor
 from ttwmr_mj.references.shared.reference import REFERENCES
 from ttwmr_mj.results.accept import AcceptOptions
 from ttwmr_mj.results.metrics import METRICS, QUANTITIES, meaning_of
 from ttwmr_mj.results.verdict import VERDICTS
 from ttwmr_mj.robot import Config
+from ttwmr_mj.robot.motor import Motor
 from ttwmr_mj.scenario.tables import worlds
 
 PAGES = sorted(Path(__file__).parent.rglob("*.md"))

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import ttwmr_mj as tt
-from ttwmr_mj.motor import Motor
+from ttwmr_mj.robot.motor import Motor
 from ttwmr_mj.runs.judgement.foresight import foreseen
 
 CIRCLE = "reference={kind='circle', radius_m=0.43, angular_rate_rad_s=0.3, theta2='none'}"

@@ -26,10 +26,10 @@ from ttwmr_mj.dynamics.floor.influence import DRAG, DRY, INFLUENCES, VISCOUS, in
 from ttwmr_mj.dynamics.kinematics import twist_from_wheels, wheels_from_twist, workspace_rate
 from ttwmr_mj.dynamics.latency import LatencyFinder
 from ttwmr_mj.dynamics.sampled.one_trailer import SampledModel
-from ttwmr_mj.motor import Motor
 from ttwmr_mj.plants.analytic import AnalyticPlant
 from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.robot import Casters, Hitch, RobotParameters, Servo
+from ttwmr_mj.robot.motor import Motor
 from ttwmr_mj.sensing import Estimate
 from ttwmr_mj.state import FloatArray, RobotState
 

@@ -9,10 +9,10 @@ import pytest
 
 from ttwmr_mj.composite import wheel_inertia
 from ttwmr_mj.dynamics.motor import Drive, Firmware, gear_friction
-from ttwmr_mj.motor import Motor
 from ttwmr_mj.plants.contact import ContactPlant
 from ttwmr_mj.plants.model.contact_options import ContactOptions
 from ttwmr_mj.robot import RobotParameters, Servo
+from ttwmr_mj.robot.motor import Motor
 from ttwmr_mj.scenario.file import load_scenario
 from ttwmr_mj.state import RobotState
 

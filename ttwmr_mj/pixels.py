@@ -1,15 +1,17 @@
 """Pixels of picture files, which may be damaged or enormous."""
 
 import math
+import os
+import sys
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import cast
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-
-from ttwmr_mj.quiet import quiet
 
 MOST_PIXELS = 30_000_000  # of a picture: it takes seconds to search
 
@@ -32,3 +34,26 @@ def read_pixels(path: Path, flags: int) -> NDArray[np.generic] | None:
             return cast("NDArray[np.generic] | None", cv2.imread(str(path), flags))
     except Exception:  # libraries raise anything of pictures that are damaged or enormous
         return None
+
+
+@contextmanager
+def quiet() -> Iterator[None]:
+    """While the context lasts nothing is printed to the process's stderr, by compiled code too.
+
+    Libraries print remarks on damaged files there: whoever reads the file says it.
+    """
+    with suppress(AttributeError, OSError, ValueError):  # there may be none
+        sys.stderr.flush()
+    try:
+        kept = os.dup(2)
+    except OSError:  # there is none
+        yield
+        return
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 2)
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(nowhere)
+        os.close(kept)

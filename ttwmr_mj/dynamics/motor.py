@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ttwmr_mj.motor import Motor
 from ttwmr_mj.robot import Servo
+from ttwmr_mj.robot.motor import Motor
 from ttwmr_mj.state import FloatArray
 
 

@@ -5,7 +5,7 @@ from typing import Any, Literal
 from pydantic import Field, model_validator
 
 from ttwmr_mj.config import Config
-from ttwmr_mj.motor import Motor
+from ttwmr_mj.robot.motor import Motor
 
 SERVO_PRESETS: dict[str, dict[str, float]] = {
     # The article names 1.62 N·m holding torque at 12 V and no speed. Servos of that torque class

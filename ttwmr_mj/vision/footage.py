@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import BaseModel, FailFast, Field, ValidationError
 
 from ttwmr_mj.errors import Fault, InputError, Keys, RunError, whole
-from ttwmr_mj.quiet import quiet
+from ttwmr_mj.pixels import quiet
 from ttwmr_mj.vision.camera.frame import Frame
 from ttwmr_mj.vision.camera.model import CameraModel
 from ttwmr_mj.vision.pictures import SUFFIXES, picture_files, read_picture, refuse_missing
