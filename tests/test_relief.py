@@ -183,6 +183,21 @@ def test_the_outdoor_robot_is_table_i_by_similarity() -> None:
     assert label == pytest.approx(-0.195 * scale)
 
 
+@pytest.mark.parametrize(("length_m", "accepted"), [(2.0, True), (2.001, False), (20.0, False)])
+def test_terrain_is_not_alike_all_over(length_m: float, accepted: bool) -> None:
+    sets = ["ground.terrain.half_size_m=1.0", f"ground.terrain.correlation_length_m={length_m}"]
+    if accepted:
+        terrain = tt.load_scenario("outdoor_circle", sets).ground.terrain
+        assert terrain is not None
+        heights_m = terrain.heights_m()
+        assert np.sqrt((heights_m**2).mean()) == pytest.approx(terrain.rms_height_m)
+    else:
+        with pytest.raises(
+            tt.InputError, match=r"correlation_length_m: got .*; allowed: at most 2,"
+        ):
+            tt.load_scenario("outdoor_circle", sets)
+
+
 def test_terrains_of_several_seeds_run_in_one_batch() -> None:
     sets = ["duration_s=0.5", "controller={kind='flatness'}"]
     scenarios = [

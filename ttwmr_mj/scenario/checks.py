@@ -137,6 +137,14 @@ def _open_loop(scenario: Scenario) -> Iterable[Fault]:
         yield Fault(key=("initial", "kind"), got="'on_reference'", problem=problem)
 
 
+def _terrain(scenario: Scenario) -> Iterable[Fault]:
+    terrain = scenario.ground.terrain
+    if terrain and not terrain.png_path and terrain.correlation_length_m > terrain.side_m:
+        allowed = f"at most {terrain.side_m:g}, the terrain's side (twice half_size_m)"
+        key = ("ground", "terrain", "correlation_length_m")
+        yield Fault(key=key, got=f"{terrain.correlation_length_m:g}", allowed=allowed)
+
+
 def _contact_only(scenario: Scenario) -> Iterable[Fault]:
     if scenario.plant.kind == "contact":
         return
@@ -319,6 +327,7 @@ CHECKS = (
         _contact_only,
         ("plant.kind", "plant.pushes", "output", "robot.hitch", "robot.hitches", "ground"),
     ),
+    Check(_terrain, ("ground.terrain",)),
     Check(_frames, ("sensing.kind", "output")),
     Check(timing.physics_steps, ("plant.kind", "control", STEP)),
     Check(timing.pushes, ("plant.pushes", "control")),

@@ -48,15 +48,20 @@ class Terrain(Config):
     )
 
     @property
+    def side_m(self) -> float:
+        """Of the square; random heights that are alike further than this would be no terrain."""
+        return 2.0 * self.half_size_m
+
+    @property
     def cells(self) -> int:
         """Of the grid along a side, at most MOST_CELLS."""
-        wanted = CELLS_PER_LENGTH * 2.0 * self.half_size_m / self.correlation_length_m
+        wanted = CELLS_PER_LENGTH * self.side_m / self.correlation_length_m
         return min(max(math.ceil(wanted), 8), MOST_CELLS)
 
     def heights_m(self) -> FloatArray:
         """(cells + 1, cells + 1) heights, rows along +y and columns along +x, of mean zero."""
         count = self.cells + 1
-        step = 2.0 * self.half_size_m / self.cells
+        step = self.side_m / self.cells
         noise = np.random.default_rng(self.seed).standard_normal((2 * count, 2 * count))
         wave = 2.0 * np.pi * np.fft.fftfreq(2 * count, step)
         # the root of the spectrum of exp(−r²/L²)
