@@ -46,6 +46,7 @@ def motor(loop_s: float, window_s: float, delay_s: float) -> str:
 
 
 # name of the check → (without a fault, with one, the fault's key and words of it)
+TERRAIN = "ground.terrain={rms_height_m=0.004, half_size_m=1.0}"
 PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
     "_tractor_masses": [
         (
@@ -90,6 +91,14 @@ PAIRS: dict[str, list[tuple[list[str], list[str], str, str]]] = {
             "got true; only plant.kind = 'contact'",
         ),
         ([ANALYTIC], ["output.physics_rate=true", ANALYTIC], "output.physics_rate", ""),
+    ],
+    "_terrain": [
+        (
+            [TERRAIN, "ground.terrain.correlation_length_m=2.0"],
+            [TERRAIN, "ground.terrain.correlation_length_m=2.001"],
+            "ground.terrain.correlation_length_m",
+            "got 2.001; allowed: at most 2, the terrain's side (twice half_size_m)",
+        )
     ],
     "_frames": [
         (
