@@ -13,7 +13,7 @@ from ttwmr_mj.cli.main import main
 from ttwmr_mj.config import WORD, Config
 from ttwmr_mj.errors import InputError
 from ttwmr_mj.scenario.faults import faults_of
-from ttwmr_mj.scenario.file import load_scenario
+from ttwmr_mj.scenario.file import check_scenario, load_scenario
 from ttwmr_mj.studies.bench.suite import load_suite
 from ttwmr_mj.studies.sweep.plan.build import build_plan
 from ttwmr_mj.studies.sweep.plan.checks import check_plan
@@ -124,3 +124,17 @@ def test_whatever_types_a_table_has_its_keys_are_told(given: dict[str, Any], tol
     with pytest.raises(ValidationError) as caught:
         _Options.model_validate(given)
     assert str(faults_of(caught.value, _Options)[0]).startswith(told)
+
+
+def test_a_file_without_what_must_be_given_is_told_all_of_it() -> None:
+    with pytest.raises(InputError) as caught:
+        check_scenario({"seed": -1, "output": {"save_frames": True}}, "mine.toml")
+    found = [fault.where for fault in caught.value.faults]
+    assert sorted(found) == [
+        "controller",
+        "duration_s",
+        "name",
+        "output.save_frames",
+        "reference",
+        "seed",
+    ]

@@ -329,20 +329,6 @@ def test_all_faults_come_at_once_and_none_that_follows(
     assert all(any(where.startswith(key) for where in found) for key in expected), found
 
 
-def test_a_file_without_what_must_be_given_is_told_all_of_it() -> None:
-    with pytest.raises(InputError) as caught:
-        check_scenario({"seed": -1, "output": {"save_frames": True}}, "mine.toml")
-    found = [fault.where for fault in caught.value.faults]
-    assert sorted(found) == [
-        "controller",
-        "duration_s",
-        "name",
-        "output.save_frames",
-        "reference",
-        "seed",
-    ]
-
-
 def test_a_list_that_is_too_short_says_how_long_it_must_be() -> None:
     error = refused([OPEN_LOOP[0], 'controller={kind="open_loop",segments=[]}'])
     assert error is not None

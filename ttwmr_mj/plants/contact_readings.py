@@ -27,9 +27,8 @@ READINGS = 15  # of one contact: force, position, normal, tangent and velocity
 def contact_columns(model: mujoco.MjModel, names: tuple[str, ...]) -> NDArray[np.intp]:
     """(bodies, contacts, 15) columns of sensordata that hold the contacts of each wheel or ball."""
     sensors = [model.sensor(contact_sensor(name)) for name in names]
-    most = min(int(sensor.dim[0]) for sensor in sensors)  # a robot of one's own may have fewer
     starts = np.array([int(sensor.adr[0]) for sensor in sensors])
-    return starts[:, None, None] + np.arange(most).reshape(1, -1, READINGS)
+    return starts[:, None, None] + np.arange(int(sensors[0].dim[0])).reshape(1, -1, READINGS)
 
 
 def joined(readings: FloatArray) -> FloatArray:

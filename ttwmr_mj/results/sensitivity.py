@@ -11,8 +11,8 @@ from ttwmr_mj.state import FloatArray
 RESAMPLES = 2000  # of the bootstrap: its 2.5 % ends then rest on 50 resamples each
 CONVERGED = 0.1  # an index whose interval is wider than ± this is not converged
 FEWEST = 16  # base samples below which a bootstrap says nothing about its own width
-# runs that the variance must rest on, such as as many failures of a number that is 0 or 1: of what
-# few runs differ in a parameter may by chance have changed nothing, in any resample
+# the fewest runs that may carry the variance, of a number that is 0 or 1 about as many failures:
+# with fewer a parameter that matters may by chance have changed nothing, in any resample
 CARRIERS = 50.0
 
 

@@ -23,8 +23,8 @@ from ttwmr_mj.state import THETA1, THETA2, ArrayFields, FloatArray, hitch_angles
 from ttwmr_mj.studies.compare.measures.deviation import Numbers, largest, rms
 from ttwmr_mj.studies.compare.motion import ContactRun
 
-# a hitch below this rate sticks: contact physics, where nothing is quite at rest, lets friction of
-# 1 N·m creep at less than it, and a hitch that turns round is below it for less than a step
+# a hitch below this rate sticks: in contact physics, where nothing is quite at rest, hitches with
+# friction of 0.01 N·m that held crept at 3e-5 rad/s at most (two_trailers_turn)
 STICKS_RAD_S = 1e-3
 
 
