@@ -144,7 +144,7 @@ def test_a_trailer_that_lifts_a_wheel_is_told() -> None:
     assert verdict.name == "off_the_ground"
     # how often, another processor's rounding decides
     assert verdict.number > verdict.limit == 0.3
-    share = f"{100 * verdict.number:.1f} % of the samples (limit 30 %)"
+    share = f"{100 * verdict.number:.3g} % of the samples (limit 30 %)"
     assert verdict.what == f"a wheel was off the ground at {share}"
 
 
