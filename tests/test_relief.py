@@ -259,9 +259,23 @@ def test_a_plate_under_all_of_a_train_is_a_floor(height_m: float) -> None:
         plant = ContactPlant(train, ContactOptions(), ground=ground)
         plant.reset(RobotState(q=q, q_rate=np.zeros_like(q)))
         footings.append(plant.footing(plant.stance()))
-        # where it is put, to what the let-down moves it: it slides by micrometres
-        np.testing.assert_allclose(plant.state().q, q, atol=1e-5)
+        np.testing.assert_allclose(plant.state().q, q, rtol=1e-15)  # let down where it is put
     flat, raised = footings
     assert raised.wheels_on_floor == [2.0]
     for a, b in zip(flat, raised, strict=True):
         np.testing.assert_allclose(a, b, atol=1e-6)
+
+
+@pytest.mark.parametrize("x_m", [-0.16, 0.04, 0.08])
+def test_a_robot_on_the_edge_of_a_plate_slides_off_and_is_not_thrown(x_m: float) -> None:
+    """Put back from where it slid to while it was let down, it began inside the plate."""
+    plate = Kerb(x_m=0.0, y_m=0.0, length_m=0.2, width_m=0.2, height_m=0.03)
+    plant = ContactPlant(RobotParameters(), ContactOptions(), ground=Ground(kerbs=(plate,)))
+    q = np.array([[x_m, 0.02, 0.3, 2.0]])
+    plant.reset(RobotState(q=q, q_rate=np.zeros_like(q)))
+    np.testing.assert_allclose(plant.state().q, q, rtol=1e-15)
+    for _ in range(15):
+        plant.advance(np.zeros((1, 2)), 33)
+        # wheels up there and a ball on the floor, or the other way about: 0.44 rad
+        assert plant.footing(plant.stance()).tilt_rad < 0.5
+    assert 0.01 < np.abs(plant.state().q - q).max() < 0.3  # off the edge, not away

@@ -159,20 +159,23 @@ class ContactPlant(Plant):
     def _settled_on_relief(self, initial: RobotState) -> FloatArray:
         """(nsim, nq) patterns of yaw 0 of robots that were let down on uneven ground at q.
 
-        Of one that slides or turns meanwhile, as off the edge of a plate, height and tilt are those
-        of where it came to rest: at q it may hang above the ground, or be inside a plate.
+        They are held at q meanwhile, free to sink, tilt and roll: what would slide off the edge of
+        a plate, or lower a trailer downhill, does so from there once the run begins.
         """
-        qpos = self._joints.standing(self._settled_qpos, initial.q)
-        free = self._joints.free_qpos
+        joints = self._joints
+        pattern = joints.standing(self._settled_qpos, initial.q)
         for i, relief in enumerate(self._reliefs):
             around = initial.q[i, :2] + self._reach_m * AROUND
-            qpos[i, free + HEIGHT] += relief.at(around).max()
-        self._qpos[:], self._qvel[:] = qpos, 0.0
-        with self._faults.kept():
-            self._batch.rollout(round(LET_DOWN_S / self.time_step_s), np.zeros((self.nsim, 1, 2)))
-        pattern = np.array(self._qpos)
+            pattern[i, joints.free_qpos + HEIGHT] += relief.at(around).max()
+        self._qpos[:], self._qvel[:] = pattern, 0.0
+        for _ in range(round(LET_DOWN_S / self.time_step_s)):
+            with self._faults.kept():
+                self._batch.rollout(1, np.zeros((self.nsim, 1, 2)))
+            pattern = joints.turned_back(self._qpos)
+            self._qpos[:] = joints.standing(pattern, initial.q)
+            joints.stop(self._qvel)
         self._batch.reset()
-        return self._joints.turned_back(pattern)
+        return pattern
 
     def stance(self) -> FloatArray:
         """(nsim, 19) of how the robots stand on the ground, for `footing`."""

@@ -89,6 +89,10 @@ class Joints:
         qvel[:, self.wheel_qvel] = wheels
         return qvel
 
+    def stop(self, qvel: FloatArray) -> None:
+        """Set the rates of x, y, θ1 and the hitches in qvel (nsim, nv) to 0."""
+        qvel[:, self._q_rate_places] = 0.0
+
 
 def as_slice(places: list[int]) -> slice | list[int]:
     """Successive places as a slice, which costs a fraction of what a list costs."""
