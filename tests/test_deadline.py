@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import signal
 import subprocess
 import sys
@@ -20,7 +21,7 @@ from test_hostile_arrays import Still
 from ttwmr_mj.controllers.base import Command, Task
 from ttwmr_mj.deadline import Deadline, Overrun, limited
 from ttwmr_mj.runs.experiment import Experiment, Result
-from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.scenario.file import check_scenario, load_scenario
 from ttwmr_mj.sensing import Estimate
 
 SCENARIO = """
@@ -177,6 +178,19 @@ def test_a_law_that_swallows_the_end_of_its_waiting_has_failed(where: str, reaso
     (outcome,) = Experiment(scenario, controller=Swallower(where)).run().outcomes
     assert outcome.status == "failed"
     assert outcome.reason.startswith(reason)
+
+
+def test_a_law_has_longer_to_plan_a_longer_run() -> None:
+    """Laws that plan along the whole reference take 2 ms a period: 60 s end at half an hour."""
+    limit = "control.controller_start_limit_s=0.02"
+    for periods, limit_s in ((1_000, 0.02), (20_000, 0.08)):
+        overrides = [limit, f"duration_s={periods * 0.033}", "plant.kind='analytic'"]
+        scenario = load_scenario("lab_circle", overrides)
+        (outcome,) = Experiment(scenario, controller=Swallower("start")).run().outcomes
+        told = re.fullmatch(r"controller.start\(\) timed out after (\S+) s; .*=0.2", outcome.reason)
+        assert told, outcome.reason
+        # the reference goes on behind the end of the run, for laws that look ahead
+        assert limit_s <= float(told[1]) < 1.05 * limit_s
 
 
 class Lingering:

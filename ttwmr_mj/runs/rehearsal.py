@@ -8,7 +8,7 @@ from ttwmr_mj.controllers.shared.own.source import inspected
 from ttwmr_mj.deadline import described_within, limited
 from ttwmr_mj.errors import Fault, InputError, Overrun
 from ttwmr_mj.runs import build
-from ttwmr_mj.runs.law.laws import more_time
+from ttwmr_mj.runs.law.laws import more_time, start_limit_s
 from ttwmr_mj.scenario.motion import believed_reference
 from ttwmr_mj.scenario.schema import Scenario
 
@@ -26,18 +26,19 @@ def rehearsed(scenario: Scenario, folder: Path, *, load: bool) -> list[Fault]:
         return []
     if not load:
         return inspected(options.target, options.options, folder / (options.folder or ""))
-    limit_s = scenario.control.controller_start_limit_s
+    limit_s = given_s = scenario.control.controller_start_limit_s
     try:
-        law = build.make_controller(scenario, folder)
+        law, task = build.make_controller(scenario, folder), _dry_task(scenario)
+        limit_s = start_limit_s(limit_s, task)
         with limited(limit_s):
-            law.start(_dry_task(scenario))
+            law.start(task)
     except InputError as error:
         return list(error.faults)
     except KeyboardInterrupt:
         raise
     except Overrun:
         problem = f"controller.start() timed out after {limit_s:g} s"
-        return [Fault(key=("controller", "target"), problem=problem, hint=more_time(limit_s))]
+        return [Fault(key=("controller", "target"), problem=problem, hint=more_time(given_s))]
     except BaseException as error:  # a user's law may raise anything
         problem = f"controller.start() raised {described_within(limit_s, error)}"
         return [Fault(key=("controller", "target"), got=repr(options.target), problem=problem)]

@@ -17,6 +17,15 @@ from ttwmr_mj.runs.law.answers import Answers, is_sane, strange
 from ttwmr_mj.scenario.tables.control import LONGEST_START_S
 from ttwmr_mj.sensing import Estimate
 
+# A law that plans along the whole reference takes 2 ms a period, `tvlqr` with three trailers.
+STARTED_PERIODS = 5000
+
+
+def start_limit_s(limit_s: float, task: Task) -> float:
+    """How long a law's start may take for a run of that length [CPU s], of a scenario's limit."""
+    periods = task.reference.time_s.size if task.reference else 0
+    return limit_s * max(1.0, periods / STARTED_PERIODS)
+
 
 def more_time(limit_s: float) -> str:
     """What to do where a law did not come up within a limit."""
@@ -95,7 +104,8 @@ class Laws:
         """
         broken = []
         for part in self._parts:
-            self.deadline.limit_s = limit_s = part.who.size * self._start_limit_s
+            limit_s = part.who.size * start_limit_s(self._start_limit_s, part.task)
+            self.deadline.limit_s = limit_s
             try:
                 with self.deadline, self._heard(part):
                     part.controller.start(part.task)

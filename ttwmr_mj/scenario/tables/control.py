@@ -31,7 +31,8 @@ class ControlOptions(Config):
         default=60.0,
         ge=1e-12,
         le=LONGEST_START_S,
-        description="the same for importing and making a law, and for starting it",
+        description="the same for importing and making a law, and for starting it; the latter in "
+        "proportion longer where the run has more than 5,000 periods",
     )
     inner_loop: Literal["velocity_servo", "computed_torque", "torque"] = Field(
         default="velocity_servo",
