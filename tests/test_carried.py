@@ -7,6 +7,7 @@ from dataclasses import fields
 import numpy as np
 import pytest
 
+import ttwmr_mj as tt
 from ttwmr_mj.dynamics.flatness import dot, point_behind, trailer_axes, velocity_behind
 from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back
 from ttwmr_mj.references.circle import Circle
@@ -14,6 +15,7 @@ from ttwmr_mj.references.flat_circle import FlatCircle
 from ttwmr_mj.references.shared.carried import carried
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
+from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.state import FloatArray
 
 ROBOT = RobotParameters()
@@ -126,3 +128,60 @@ def test_each_row_is_carried_as_if_alone() -> None:
         for name in (field.name for field in fields(ReferencePath)):
             ours, single = getattr(together, name), getattr(alone, name)
             np.testing.assert_array_equal(ours if name == "time_s" else ours[:, i : i + 1], single)
+
+
+def eight(period_s: float) -> ReferencePath:
+    path = sample_reference(
+        tt.load_scenario("flat_figure_eight", [f"control.sampling_time_s={period_s}"])
+    )
+    assert path is not None
+    return path
+
+
+@pytest.mark.parametrize("strength", [0.0, 1e-7, 1e-3])
+@pytest.mark.parametrize("period_s", [0.033, 0.005])
+def test_a_path_on_which_f_turns_round_is_left_alone(period_s: float, strength: float) -> None:
+    """F'' of an eight vanishes at its crossing, between two samples: P was to jump by 0.3 m there.
+
+    A law that had learned of nothing was led astray so.
+    """
+    path = eight(period_s)
+    accelerations = np.hypot(*np.moveaxis(path.flat_derivatives[:, 0, 2], -1, 0))
+    assert accelerations.min() > 0.0
+    for place in (0, DRAG):
+        influence = np.zeros(5)
+        influence[place] = strength
+        assert carried(path, ROBOT, influence) is path
+
+
+@pytest.mark.parametrize("lever_m", [1e-4, 4e-4])
+@pytest.mark.parametrize("name", ["outer_circle", "inverted_trailer"])
+def test_periods_of_any_length_have_the_same_motion(name: str, lever_m: float) -> None:
+    """Over short steps rounding grew from round to round: P was to jitter by 58 mm at 1 ms."""
+    starts = []
+    for period_s in (0.033, 0.005, 0.004, 0.0025, 0.001, 0.0005):
+        given = [f"robot.casters.rolling_resistance_m={lever_m}", "duration_s=2.0"]
+        path = sample_reference(
+            tt.load_scenario(name, [*given, f"control.sampling_time_s={period_s}"])
+        )
+        assert path is not None
+        differences = np.diff(path.position_m, 2, axis=0) / period_s**2
+        # of second order in a turn of 0.033 rad, and its rounding
+        np.testing.assert_allclose(differences, path.acceleration_m_s2[1:-1], atol=1e-4)
+        starts.append(path.q[0, 0])
+    # central differences over 33 ms: 2e-4 of what the balls do; over a few ms nothing that counts
+    np.testing.assert_allclose(starts, [starts[-1]] * len(starts), atol=2e-5)
+
+
+@pytest.mark.parametrize("period_s", [0.033, 0.002])
+def test_each_row_of_any_period_is_carried_as_if_alone(period_s: float) -> None:
+    given = ["robot.hitch.damping_n_m_s_rad=5e-4", f"control.sampling_time_s={period_s}"]
+    scenario = tt.load_scenario("outer_circle", [*given, "duration_s=1.0"])
+    path = sample_reference(scenario)
+    assert path is not None
+    rows = np.array([[0.1, 0.0, 0.02, 0.0, 0.0], [0.0, 0.0, 0.3, 0.0, 0.0], [0.55, 0.0, 0.0, 0, 0]])
+    together = carried(path, scenario.robot, rows)
+    for i, influence in enumerate(rows):
+        alone = carried(path, scenario.robot, influence)
+        np.testing.assert_array_equal(together.q[:, i], alone.q[:, 0])
+        np.testing.assert_array_equal(together.derivatives[:, i], alone.derivatives[:, 0])

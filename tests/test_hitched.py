@@ -93,6 +93,34 @@ def test_no_hitch_of_a_train_is_wound_up() -> None:
         assert np.abs(np.diff(path.theta[0, 0])).max() <= np.pi
 
 
+@pytest.mark.parametrize("damping_n_m_s_rad", [1e-3, 1.5e-3, 2.5e-3])
+@pytest.mark.parametrize("duration_s", [1.0, 3.0, 12.0])
+def test_a_mirrored_motion_is_the_mirror_image(damping_n_m_s_rad: float, duration_s: float) -> None:
+    """Of one the path was left as it is, of the other P was to move at 7 m/s."""
+    robot = RobotParameters(hitch=Hitch(damping_n_m_s_rad=damping_n_m_s_rad))
+    times = 0.033 * np.arange(round(duration_s / 0.033) + 60)
+    found = []
+    for side in (1.0, -1.0):
+        flat = FlatEllipse(
+            half_axes_m=(0.5, 0.66),
+            angular_rate_rad_s=0.416 * side,
+            phase_rad=-4.43 * side,
+            tilt_rad=0.41 * side,
+        )
+        found.append(carried(flat.sample(times, robot), robot, NOTHING))
+        assert np.abs(imbalance(found[-1], robot)[:-10]).max() < 5e-6  # a last second is nobody's
+        assert np.hypot(*np.moveaxis(found[-1].velocity_m_s, -1, 0)).max() < 0.21
+    mirror = np.array([1.0, -1.0, -1.0, -1.0])
+    np.testing.assert_allclose(found[0].q, found[1].q * mirror, atol=1e-9)
+
+
+def test_a_false_minimum_is_no_solution(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("ttwmr_mj.references.shared.hitched.MOST_LEFT", 1e-9)
+    robot = RobotParameters(hitch=HITCHES["damper"])
+    path = ellipse(robot)
+    assert carried(path, robot, NOTHING) is path
+
+
 def test_a_free_hitch_changes_nothing() -> None:
     path = ellipse(RobotParameters())
     np.testing.assert_allclose(carried(path, RobotParameters(), NOTHING).q, path.q, atol=1e-13)

@@ -7,10 +7,12 @@ gravity, `dynamics.floor.influence`),
     F'' − g_p + k·d·n = a·t,
 
 so θ2 is the direction of the left-hand side. d depends on the motion in turn; it is small against
-a, and found by repeating. That of the hitch is found first, by itself (`hitched`).
+a, and found by repeating. Where F'' vanishes, between samples too, and a changes its sign,
+θ2 would have to turn round. That of the hitch is found first, by itself (`hitched`).
 """
 
 import numpy as np
+from scipy.interpolate import make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import (
     FlatMotion,
@@ -20,12 +22,15 @@ from ttwmr_mj.dynamics.flatness import (
     velocity_behind,
 )
 from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back
-from ttwmr_mj.references.shared.hitched import has_spring, hitch_push, hitched
+from ttwmr_mj.references.shared.hitched import LEAST_SAMPLES, has_spring, hitch_push, hitched
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
 
 ROUNDS = 25  # the error falls to c/|a| of it in each: a fifth at δ = 1e-4 m on a circle of 0.6 m
+LATE = 5  # rounds, at whose end the way to the solution is behind and rounding may show
+MOST_LEFT = 0.1  # of the first round's change; each leaves less than 1 / ROOM
+ROUNDING_1_S2 = 1e-9  # times the step's square: no matter in second differences
 ROOM = 1.2  # |F''| over what acts on the trailer; with less θ2 would have no firm direction
 
 
@@ -44,31 +49,88 @@ def carried(path: ReferencePath, robot: RobotParameters, influence: FloatArray) 
     influence = np.atleast_2d(influence)
     if path.flat_derivatives is None:
         return path
-    least = np.hypot(*np.moveaxis(path.flat_derivatives[:, :, 2], -1, 0)).min(axis=0)
+    least = _least(path.flat_derivatives[:, :, 2])
     hold = np.abs(hitch_push(*_hitch_motion(path), robot)).max(axis=0)
     fits = least > ROOM * (np.hypot(*influence[:, GRAVITY].T) + influence[:, DRAG] + hold)
+    signs = np.sign(dot(path.flat_derivatives[:, :, 2], trailer_axes(path.theta2_rad)[0]))
+    fits = fits & (signs == signs[0]).all(axis=0)
     if not fits.any():
         return path
     influence = np.where(fits[:, None], influence, 0.0)
     drag = influence[:, DRAG]
     batch = np.broadcast_shapes(path.flat_derivatives.shape[1:2], fits.shape)
     flat = np.broadcast_to(path.flat_derivatives, (len(path.time_s), *batch, 5, 2))
-    sign = np.sign(dot(flat[:1, :, 2], trailer_axes(path.theta2_rad[:1])[0]))
+    sign = np.broadcast_to(signs[:1], flat.shape[:2])[:1]
     gravity = np.zeros((*flat.shape[:2], 3, 2))
     gravity[:, :, 0] = influence[:, GRAVITY]
-    hitch = np.zeros((1, 1, 2))
+    aside = np.zeros((len(flat), *batch, 2))
+    fits = np.broadcast_to(fits, batch).copy()
     if has_spring(robot):
         free = motion_from_flat(flat, sign, robot, gravity).theta2
-        found = hitched(path.time_s, flat, free, influence[:, GRAVITY], robot)
-        if found is None:
-            return path
-        hitch = found
-    pull = _pull(gravity, np.broadcast_to(hitch, (len(flat), *batch, 2)), path.time_s)
-    for _ in range(ROUNDS if drag.any() else 0):
-        aside = hitch + _aside(flat, motion_from_flat(flat, sign, robot, pull), robot, drag)
-        pull = _pull(gravity, aside, path.time_s)
-    done = _reference(path, flat, motion_from_flat(flat, sign, robot, pull))
+        for i in np.flatnonzero(fits):
+            one = slice(i, i + 1)
+            found = hitched(path.time_s, flat[:, one], free[:, one], gravity[0, one, 0], robot)
+            fits[i] = found is not None
+            aside[:, one] = 0.0 if found is None else found
+    if drag.any():
+        aside, settled = _with_balls(path.time_s, flat, sign, robot, gravity, aside, drag)
+        fits &= settled
+    if not fits.any():
+        return path
+    done = _reference(
+        path, flat, motion_from_flat(flat, sign, robot, _pull(gravity, aside, path.time_s))
+    )
     return done if fits.all() else _where(fits, done, path)
+
+
+def _least(vectors: FloatArray) -> FloatArray:
+    """Least length (batch,) of vectors (n, batch, 2), and of what lies straight between them."""
+    start, way = vectors[:-1], np.diff(vectors, axis=0)
+    length = np.maximum(dot(way, way), np.finfo(float).tiny)
+    nearest = start + np.clip(-dot(start, way) / length, 0.0, 1.0)[..., None] * way
+    return np.asarray(np.hypot(nearest[..., 0], nearest[..., 1]).min(axis=0))
+
+
+def _with_balls(
+    time_s: FloatArray,
+    flat: FloatArray,
+    sign: FloatArray,
+    robot: RobotParameters,
+    gravity: FloatArray,
+    hitch: FloatArray,
+    drag: FloatArray,
+) -> tuple[FloatArray, BoolArray]:
+    """(n, batch, 2) k·d·n of hitch and balls [m/s²], and of whom (batch,) it was found.
+
+    What is tried depends on its own rate. Over short steps rounding grows from round to round,
+    so that longer ones are taken then, of the same motion.
+    """
+    aside, left = np.array(hitch), np.arange(hitch.shape[1])
+    drag = np.broadcast_to(drag, left.shape)
+    stride = 1
+    while left.size and len(time_s) // stride >= LEAST_SAMPLES:
+        times = time_s[::stride]
+        some, pushed = flat[::stride, left], hitch[::stride, left]
+        pull = _pull(gravity[::stride, left], pushed, times)
+        found = [pushed]
+        for _ in range(ROUNDS):
+            motion = motion_from_flat(some, sign[:, left], robot, pull)
+            found.append(pushed + _aside(some, motion, robot, drag[left]))
+            pull = _pull(gravity[::stride, left], found[-1], times)
+        settled = _settle(found, float(times[1] - times[0]))
+        for i in np.flatnonzero(settled):
+            one = found[-1][:, i]
+            aside[:, left[i]] = one if stride == 1 else make_interp_spline(times, one, 5)(time_s)
+        left, stride = left[~settled], 2 * stride
+    return aside, ~np.isin(np.arange(hitch.shape[1]), left)
+
+
+def _settle(found: list[FloatArray], step_s: float) -> BoolArray:
+    """(batch,) whose rounds (n, batch, 2) come closer to each other, or differ by rounding only."""
+    first, before, last = (np.abs(found[i] - found[i - 1]).max(axis=(0, 2)) for i in (1, -LATE, -1))
+    closer = last < np.minimum(before, MOST_LEFT * first)
+    rounding = ROUNDING_1_S2 * step_s**2 * np.abs(found[-1]).max(axis=(0, 2))
+    return np.asarray(closer | (last <= rounding))
 
 
 def _hitch_motion(path: ReferencePath) -> tuple[FloatArray, FloatArray]:

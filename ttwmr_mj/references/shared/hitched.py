@@ -22,7 +22,9 @@ from ttwmr_mj.dynamics.flatness import dot, trailer_axes
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
-MOST_STEPS, CONVERGED_RAD = 20, 1e-9
+MOST_STEPS, MOST_HALVINGS, CONVERGED_RAD = 50, 10, 1e-9
+ALIKE = 1.0 + 1e-9  # what rounding leaves of a sum of squares that no step makes smaller
+MOST_LEFT = 0.01  # of the equation: up to 6e-4 in the last samples; a false minimum leaves 0.2
 ROUGH_S2 = 1e-4
 LEAST_STEP_S = 5e-3  # second differences over less are rounding, which does not converge
 LEAST_SAMPLES = 8  # for a smooth curve through them, of however short a run
@@ -83,9 +85,11 @@ def _added(
             step = problem.step(added)
             if not np.isfinite(step).all():
                 return None
+            step *= problem.length(added, step)
             added = added + step
             if np.abs(step).max() < CONVERGED_RAD:
-                return added
+                solved = np.abs(problem.residual(added)).max() < MOST_LEFT
+                return added if solved else None
     return None
 
 
@@ -133,15 +137,32 @@ class _Problem:
             steps[:, i] = spsolve(csc_array(matrix), -slope)
         return steps
 
+    def length(self, added: FloatArray, step: FloatArray) -> FloatArray:
+        """(batch,) share of a step with which the squares do not grow; halved until it is found."""
+        share, before = np.ones(added.shape[1]), self._squares(added)
+        for _ in range(MOST_HALVINGS):
+            grows = ~(self._squares(added + share * step) <= ALIKE * before)
+            if not grows.any():
+                break
+            share[grows] *= 0.5
+        return share
+
+    def _squares(self, added: FloatArray) -> FloatArray:
+        """(batch,) what is minimised."""
+        left, rough = self.residual(added), self._rough @ added
+        return np.asarray((left**2).sum(axis=0) + (rough**2).sum(axis=0))
+
     def _slopes(self, added: FloatArray) -> FloatArray:
         """(batch, 5, n) derivatives of the residual, as diagonals; a few columns at once."""
-        base, (n, batch) = self.residual(added), added.shape
+        n, batch = added.shape
         bands = np.zeros((batch, 2 * BAND + 1, n))
         for colour in range(2 * BAND + 1):
             columns = np.arange(colour, n, 2 * BAND + 1)
-            probe = added.copy()
-            probe[columns] += PROBE_RAD
-            slope = (self.residual(probe) - base) / PROBE_RAD
+            probe = np.zeros_like(added)
+            probe[columns] = PROBE_RAD
+            # to both sides: a mirrored reference has mirrored slopes, to the last bit
+            difference = self.residual(added + probe) - self.residual(added - probe)
+            slope = difference / (2.0 * PROBE_RAD)
             for offset in range(-BAND, BAND + 1):
                 rows = columns + offset
                 there = (rows >= 0) & (rows < n)
