@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import date
@@ -14,7 +15,8 @@ import pytest
 
 import ttwmr_mj as tt
 from ttwmr_mj.controllers.custom import CustomOptions
-from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.scenario.file import check_scenario
+from ttwmr_mj.scenario.given import require_scenario
 from ttwmr_mj.state import RobotState
 
 SHORT = tt.load_scenario("lab_circle", ["duration_s=0.1", "plant.kind=analytic"])
@@ -25,6 +27,7 @@ SHORT = tt.load_scenario("lab_circle", ["duration_s=0.1", "plant.kind=analytic"]
     [
         ({"scenario": "lab_circle"}, r"scenario: got 'lab_circle'; .*load_scenario reads one"),
         ({"nsim": 0}, "nsim: got 0; allowed: 1 to 100,000"),
+        ({"nsim": 2.0}, "nsim: got 2.0; it must be a whole number; allowed: 1 to 100,000"),
         ({"nsim": 1.5}, "nsim: got 1.5"),
         ({"nsim": 10**9}, "nsim: got 1000000000"),
         ({"controller": tt.Controller}, "controller: .*allowed: Controller or None; give"),
@@ -62,6 +65,29 @@ def test_what_a_copy_is_told_wrong_is_refused(update: dict[str, Any], told: str)
         tt.run_batch([SHORT, copied])
 
 
+@pytest.mark.parametrize(
+    "update",
+    [
+        {"seed": np.int64(3)},
+        {"duration_s": np.float32(0.5)},
+        {"output": SHORT.output.model_copy(update={"recording": np.False_})},
+        {"reference": SHORT.reference.model_copy(update={"centre_m": np.array([0.0, 0.5])})},
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_numbers_and_arrays_of_numpy_in_a_copy_are_as_good_as_pythons(
+    update: dict[str, Any], tmp_path: Path
+) -> None:
+    """A run wrote its files, and met numbers that TOML and JSON lack."""
+    copied = SHORT.model_copy(update=update)
+    scenario = require_scenario(copied)
+    assert check_scenario(json.loads(scenario.model_dump_json()), "again") == scenario
+    run = tt.run(copied, tmp_path / "run")
+    assert run.outcome.status == "ok"
+    assert tt.load_scenario(tmp_path / "run" / "scenario.resolved.toml") == scenario
+    assert tt.simulate(copied).scenario == scenario
+
+
 def test_a_sound_copy_is_run_as_it_is() -> None:
     strange = {
         "array": np.arange(3.0),
@@ -73,7 +99,7 @@ def test_a_sound_copy_is_run_as_it_is() -> None:
     unkind = tt.load_scenario("sim_circle", ["world=unkind", "plant.kind=contact"])
     for whole in (SHORT.model_copy(update={"controller": own}), unkind.model_copy()):
         assert require_scenario(whole) is whole
-    turned = SHORT.model_copy(update={"seed": np.int64(3), "belief": unkind.belief})
+    turned = SHORT.model_copy(update={"seed": 3, "belief": unkind.belief})
     assert require_scenario(turned) is turned
     tables = SHORT.model_copy(update={"ground": {"slope_rad": 0.1}, "world": "unkind"})
     assert require_scenario(tables).ground.slope_rad == 0.1

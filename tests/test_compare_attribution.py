@@ -97,6 +97,27 @@ def test_the_attribution_adds_up_and_finds_a_weak_servo() -> None:
     assert result.as_json()["solver_share"]["position"] == pytest.approx(sum(own))
 
 
+@pytest.mark.slow
+def test_what_effects_contribute_does_not_hang_on_how_ideal_the_ideal_is(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The swing of a trailer without friction was counted as what friction did on the ideal."""
+    full = load_scenario("lab_circle", ["duration_s=8.25"])
+    commands = run_commands(full)
+    tables = []
+    for steps in (4, 8):
+        monkeypatch.setattr("ttwmr_mj.studies.compare.explain.effects.IDEAL_STEPS", steps)
+        tables.append(attribute(full, commands).tables["theta2"])
+    total = tables[0][-1].size
+    for coarse, fine in zip(*tables, strict=True):
+        if coarse.name == "hitch_friction":  # two ideal robots with the same have the same motion
+            assert coarse.alone == pytest.approx(0.0, abs=0.04 * total)
+        if coarse.name != "rest":  # it is what the extrapolation leaves
+            assert coarse.size == pytest.approx(fine.size, abs=0.04 * total), coarse.name
+    rest = [rows[-2].size for rows in tables]
+    assert abs(rest[1]) < abs(rest[0]) < 0.05 * total
+
+
 LATE = {"command_latency_s": 0.01, "command_jitter_s": 0.033, "command_drop_probability": 0.3}
 
 

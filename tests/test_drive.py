@@ -150,6 +150,15 @@ def test_a_drive_pauses_as_a_shell_asks_and_goes_on(tmp_path: Path) -> None:
     assert terminal.end() == 0, terminal.said
 
 
+def test_a_drive_has_no_duration(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["--set", "duration_s=3", "--live=none", "--out", str(tmp_path / "out")]
+    assert main(["drive", "lab_circle", *given]) == 2
+    assert "a drive lasts until you end it; --longest ends it at the latest" in (
+        capsys.readouterr().err
+    )
+    assert not (tmp_path / "out").exists()
+
+
 def test_driving_needs_a_terminal(tmp_path: Path) -> None:
     command = [sys.executable, "-m", "ttwmr_mj", "drive", "--live=none"]
     done = subprocess.run(

@@ -49,6 +49,16 @@ def test_an_aligned_trailer_on_a_circle_is_not() -> None:
     assert check.spans_s == ((TIME[0], TIME[-1]),)
 
 
+def test_a_hitch_may_be_leant_on_in_proportion_to_the_robot() -> None:
+    """Torques of a similar robot grow with the fourth power of its lengths."""
+    limits = []
+    for robot in (LAB, RobotParameters(preset="outdoor")):
+        path = FlatCircle(radius_m=2.0, angular_rate_rad_s=0.1).sample(TIME, robot)
+        limits.append(check_feasibility(path, robot)["free trailer"].limit)
+    assert limits[0] == pytest.approx(1e-5, rel=1e-3)
+    assert limits[1] / limits[0] == pytest.approx((60.0 / 26.0) ** 4, rel=1e-9)
+
+
 def test_friction_can_hold_what_a_free_hitch_cannot() -> None:
     path = Circle(radius_m=0.43, angular_rate_rad_s=0.125, theta2="aligned").sample(TIME)
     rusty = LAB.model_copy(update={"hitch": Hitch(coulomb_friction_n_m=1e-3)})

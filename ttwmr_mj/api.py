@@ -9,7 +9,7 @@ from ttwmr_mj.runs.execute import Run, run_scenario
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.files.folder import results_folder
 from ttwmr_mj.runs.files.new_folder import new_folder
-from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.scenario.given import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.studies.compare.pair import run_pair as compare
 

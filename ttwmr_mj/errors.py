@@ -270,6 +270,8 @@ def require_whole(where: str, given: object, least: int, most: int, problem: str
         InputError: it is none, or out of these bounds.
     """
     if not isinstance(given, Integral) or not least <= int(given) <= most:
+        whole_asked = "" if isinstance(given, Integral) else "it must be a whole number"
+        problem = "; ".join(filter(None, (problem, whole_asked)))
         raise InputError.at(where, problem, got=shown(given), allowed=f"{least} to {most:,}")
     return int(given)
 

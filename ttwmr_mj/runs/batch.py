@@ -13,7 +13,7 @@ from ttwmr_mj.files import named
 from ttwmr_mj.runs.closed_loop.loop import Loop
 from ttwmr_mj.runs.experiment import Experiment, Result
 from ttwmr_mj.runs.simulations import Simulations
-from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.scenario.given import require_scenario
 from ttwmr_mj.scenario.schema import Scenario
 
 MOST_THREADS = 1024

@@ -12,7 +12,6 @@ import tomli_w
 from pydantic import ValidationError
 
 from ttwmr_mj.assets import shipped_scenarios
-from ttwmr_mj.config import Config
 from ttwmr_mj.controllers.custom import CustomOptions
 from ttwmr_mj.errors import Fault, InputError, Keys, require, shown, whole
 from ttwmr_mj.files import (
@@ -112,43 +111,12 @@ def with_fragment(data: dict[str, Any], fragment: Path) -> dict[str, Any]:
     return found
 
 
-def require_scenario(given: object, where: str = "scenario") -> Scenario:
-    """The scenario that a script gives, which may be made by `model_copy`, and so be unchecked.
-
-    Returns:
-        itself; another one where a value was meant as a table or number of the schema's types.
-
-    Raises:
-        InputError: it is none, as a name in its place is easily written; or with every fault.
-    """
-    require(Scenario, where, given, hint="load_scenario reads one by its name or file")
-    assert isinstance(given, Scenario)
-    if _SOUND.get(id(given)) is given:
-        return given
-    data = _tables(given)
-    world = data.get("world")
-    if world in FILLING:  # it has been filled from it, or was changed since
-        data["world"] = "kind"
-    try:
-        again = type(given).model_validate(data).model_copy(update={"world": world})
-    except ValidationError as error:
-        raise InputError(*(fault.within(where) for fault in faults_of(error))) from error
-    scenario = given if again == given else again
-    if faults := check(scenario, []):
-        raise InputError(*(fault.within(where) for fault in faults))
-    return _sound(scenario)
+def is_sound(scenario: Scenario) -> bool:
+    """Whether this very one has been checked."""
+    return _SOUND.get(id(scenario)) is scenario
 
 
-def _tables(value: Any) -> Any:
-    """The same in tables and Python's numbers; what only laws and packages know stays itself."""
-    if isinstance(value, Config):
-        return {name: _tables(item) for name, item in vars(value).items()}
-    if isinstance(value, tuple):
-        return tuple(map(_tables, value))
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _sound(scenario: Scenario) -> Scenario:
+def sound(scenario: Scenario) -> Scenario:
     """The same, which need not be checked again."""
     _SOUND[id(scenario)] = scenario
     return scenario
@@ -178,7 +146,7 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     require(str, "source", source)
     data, context = _plain(data, source), {"folder": named("folder", folder)}
     if (world := data.get("world")) not in FILLING:
-        return _sound(_checked(data, source, context))
+        return sound(_checked(data, source, context))
     # first as if the world filled in nothing, so that what is wrong is told as it was given
     _checked(data | {"world": "kind"}, source, context)
     try:
@@ -189,7 +157,7 @@ def check_scenario(data: dict[str, Any], source: str, folder: Path | str = Path(
     due = f"due to what world = {world!r} sets; with 'kind' it is sound"
     if faults := [replace(f, hint="; ".join(filter(None, (f.hint, due)))) for f in faults]:
         raise InputError(*faults, file=source)
-    return _sound(scenario)
+    return sound(scenario)
 
 
 def _checked(data: dict[str, Any], source: str, context: dict[str, Path]) -> Scenario:

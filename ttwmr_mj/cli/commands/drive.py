@@ -28,6 +28,10 @@ class DriveCommand(Overrides, NewFolder, name="drive"):
         if not 0.0 < self.longest <= 3600.0:
             got = f"{self.longest:g}"
             raise InputError.at("--longest", got=got, allowed="more than 0, up to 3600")
+        if any(text.partition("=")[0].strip() == "duration_s" for text in self.overrides):
+            problem = "a drive lasts until you end it"
+            hint = "--longest ends it at the latest"
+            raise InputError.at("--set duration_s", problem, hint=hint)
         scenario = self.load(self.scenario)
         hands = Hands()
         opened = self.new_folder(self.results(f"{scenario.name}-driven", scenario.seed))

@@ -42,7 +42,9 @@ from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import THETA2, FloatArray, hitch_angles
 
 SIDE_SLIP_M_S = 1e-3  # a hundredth of a slow robot's speed
-HITCH_TORQUE_N_M = 1e-5  # a hundredth of what a small dry friction gives
+# Of the first trailer's weight times its COM's distance from the hitch: 1e-5 N·m of Table I's, a
+# hundredth of what a small dry friction gives.
+HITCH_TORQUE_SHARE = 2.19e-5
 FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
 # |F''| that the flatness-based law needs. The slowest circle of 0.6 m that it can be told to follow
 # takes 150 s; in a plan, F'' passes through zero.
@@ -79,7 +81,7 @@ def check_feasibility(
             "free trailer",
             "N·m",
             _missing_torque(reference, robot, ground),
-            HITCH_TORQUE_N_M,
+            _hitch_limit_n_m(robot),
             "robot",
             "hitch",
         ),
@@ -154,6 +156,11 @@ def _flatness(reference: ReferencePath, robot: RobotParameters) -> Demand:
     where = Along(reference.time_s, reference.position_m)
     note = where.worst_of("flatness, least |F''|", "m/s²", -least, -LEAST_ACCELERATION_M_S2)
     return replace(note, worst=-note.worst, limit=-note.limit, binding=False)
+
+
+def _hitch_limit_n_m(robot: RobotParameters) -> float:
+    first = robot.trailers[0]
+    return HITCH_TORQUE_SHARE * GRAVITY_M_S2 * first.mass_kg * first.com_offset_m
 
 
 def _missing_torque(reference: ReferencePath, robot: RobotParameters, ground: Ground) -> FloatArray:

@@ -16,7 +16,7 @@ from ttwmr_mj.runs.closed_loop.loop import Report
 from ttwmr_mj.runs.closed_loop.pace import Pace
 from ttwmr_mj.runs.judgement.verdict import demands_of, verdict_on
 from ttwmr_mj.scenario.checks import unknown_to_the_models
-from ttwmr_mj.scenario.file import require_scenario
+from ttwmr_mj.scenario.given import require_scenario
 from ttwmr_mj.scenario.motion import sample_reference
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.scenario.timing import physics_step_faults

@@ -152,7 +152,8 @@ def _explained(report: dict[str, Any]) -> Iterator[tuple[str, list[tuple[str, ..
             ]
             rows.append((NAMES[name], *cells[:2], f"{cells[2]} m{unit}", percent(row["share"])))
         solver = percent(attribution["solver_share"][quantity])
-        notes = [f"  of that the solver's own, compliance and timestep: {solver}"] if solver else []
+        own = f"  the solver's own, compliance and timestep, sum of both shares: {solver}"
+        notes = [own] if solver else []
         yield symbol, rows, notes + ([f"  {note}"] if note else [])
 
 

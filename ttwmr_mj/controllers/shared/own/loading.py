@@ -80,7 +80,7 @@ def where_to_be(folder: Path) -> str:
     """Where a law must be to be found."""
     return (
         f"it must be beside the scenario, here in {folder} (scripts say where with "
-        "scenario_folder), or on the Python path"
+        "scenario_folder), in the folder that controller.folder names, or on the Python path"
     )
 
 

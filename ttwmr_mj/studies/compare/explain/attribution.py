@@ -13,9 +13,10 @@ is the row of higher interactions, H = δ(all) − δ(∅) − Σ C. The unexpla
     δ(all) = Σ C + H + R
 
 Three effects cannot be switched off completely: the ideal still has a step, a stiffness, balls of
-some mass. Near the ideal the deviation is proportional to them (`convergence` measures it), so
-their A is extrapolated from the share that was removed to all of it, and R is δ(∅) less what this
-adds.
+some mass. The deviation is proportional to them (`convergence` measures it), so their A and O are
+extrapolated from the share that was removed to all of it, and R is what this leaves. Friction in
+the hitch, which the analytic model has too, changes what the ideal's rest of them does, and seems
+to do something alone: its A is extrapolated from ideals of all and of half of that rest.
 
 Over time each adds to the deviation by its part along it: of P, C·δ/|δ| at every sample, which make
 |δ|; of an angle, C itself, which make δ.
@@ -32,6 +33,7 @@ import numpy as np
 from ttwmr_mj.robot.parameters import MOST_TRAILERS
 from ttwmr_mj.scenario.schema import Scenario
 from ttwmr_mj.state import FloatArray
+from ttwmr_mj.studies.compare.explain.convergence import refined
 from ttwmr_mj.studies.compare.explain.deviations import deviation_under
 from ttwmr_mj.studies.compare.explain.effects import EFFECTS, with_effects
 from ttwmr_mj.studies.compare.measures.deviation import rms
@@ -168,16 +170,23 @@ def attribute(
 
     deviation = deviation_under(commands, real_wheels=real_wheels)
     sets = sorted({frozenset(), names}.union(*pairs.values()), key=sorted)
+    nearer = [on for effect in present if effect.shared for on in pairs[effect.name][:2]]
     variants = [with_effects(scenario, on, present) for on in sets]
-    found = in_threads(deviation, variants, progress)
-    delta = {on: apart.q for on, apart in zip(sets, found, strict=True)}
+    variants += [refined(with_effects(scenario, on, present), 1, servo=False) for on in nearer]
+    found = [apart.q for apart in in_threads(deviation, variants, progress)]
+    delta = dict(zip(sets, found, strict=False))
+    delta_nearer = dict(zip(nearer, found[len(sets) :], strict=True))
     contributions = {}
     higher = delta[names] - delta[frozenset()]
     for effect in present:
         ideal_with, ideal, full, full_without = (delta[on] for on in pairs[effect.name])
         alone, removed = ideal_with - ideal, full - full_without
-        contributions[effect.name] = (alone / effect.reach(scenario), 0.5 * (removed - alone))
         higher -= 0.5 * (removed + alone)
+        if effect.shared:
+            half_as_far, ideal = (delta_nearer[on] for on in pairs[effect.name][:2])
+            alone = 2.0 * (half_as_far - ideal) - alone
+        reach = effect.reach(scenario)
+        contributions[effect.name] = (alone / reach, 0.5 * (removed - alone) / reach)
     tables, curves = {}, {}
     for quantity, columns in _columns(higher.shape[1]).items():
         tables[quantity] = table(contributions, higher, delta[names], columns)

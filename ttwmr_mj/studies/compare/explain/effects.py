@@ -32,6 +32,7 @@ class Effect:
             where off means off.
         solver: whether it is how MuJoCo computes, and not how the robot is built: no real robot
             has it.
+        shared: whether the analytic model has it, too: alone it may change what others do, no more.
         wheels: whether it is how the wheels follow their commands: nothing where the analytic
             model is driven by the wheels' actual speeds.
     """
@@ -42,6 +43,7 @@ class Effect:
     needs: tuple[str, ...] = ()
     size: str | None = None
     solver: bool = False
+    shared: bool = False
     wheels: bool = False
 
     def present(self, scenario: Scenario) -> bool:
@@ -102,7 +104,7 @@ EFFECTS = (
             "robot.casters.socket_friction_n_m": 0.0,
         },
     ),
-    Effect("hitch_friction", "hitch friction", _frictionless),
+    Effect("hitch_friction", "hitch friction", _frictionless, shared=True),
     Effect(
         "timestep",
         "timestep",
