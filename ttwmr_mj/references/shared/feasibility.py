@@ -95,7 +95,7 @@ def check_feasibility(
 
 
 def feasible_pace(broken: Callable[[ReferencePath], bool], reference: ReferencePath) -> float:
-    """The largest share of its pace at which a reference keeps a limit; 0: at none.
+    """The largest share of its pace at which a reference keeps a limit; 0: not at LEAST_PACE.
 
     All that is asked grows with the pace, but what a spring in the hitch asks for.
 
