@@ -183,6 +183,9 @@ def test_a_run_without_recording_has_a_video_without_forces(run: Path, tmp_path:
         (["-o", "film.mp4", "--speed", "0"], "--speed: got 0"),
         (["-o", "film.mp4", "--start", "9"], "nothing between 9 s and 2.9"),
         (["-o", "film.mp4", "--speed", "1e-9"], "--speed: got 1e-09; makes 8.91e+10 pictures"),
+        (["-o", "film.mp4", "--start", "-1"], "--start: got -1; allowed: 0 or more"),
+        (["-o", "film.mp4", "--start", "nan"], "--start: got nan; allowed: 0 or more"),
+        (["-o", "film.mp4", "--stop", "-1"], "nothing between 0 s and -1 s, the run has 2.97 s"),
         (["-o", "nowhere/film.mp4"], "-o: got nowhere/film.mp4; there is no folder nowhere"),
     ],
 )
