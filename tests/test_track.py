@@ -277,6 +277,11 @@ def test_the_board_can_be_printed(tmp_path: Path) -> None:
         ("small.avi", ["track", "small.avi", "--calibration", "CAL"], "got 320×240 px"),
         ("bad.yaml", ["track", "small.avi", "--calibration", "bad.yaml"], "bad.yaml: "),
         ("", ["track", "small.avi", "--calibration", "no.yaml"], "no such calibration file"),
+        (
+            "",
+            ["track", "99", "--calibration", "CAL"],
+            "99: no camera of this index can be opened; there may be none, it may be in use",
+        ),
         ("", ["calibrate", "--images", "nowhere"], "needs pictures in nowhere/held (got 0)"),
         ("blank", ["calibrate", "--images", "blank"], "the board was found in 0 views"),
         ("", ["calibrate", "lab_circle"], "has no camera to calibrate"),
