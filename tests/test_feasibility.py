@@ -237,6 +237,13 @@ def test_the_workspace_counts_both_labels() -> None:
     assert check.worst == pytest.approx(0.203 / 0.2, rel=1e-4)
 
 
+def test_the_labels_of_a_larger_robot_reach_further() -> None:
+    line = StraightLine(speed_m_s=1e-6, theta2="aligned").sample(np.array([0.0, 1.0]))
+    outdoor = RobotParameters(preset="outdoor")
+    check = check_feasibility(line, outdoor, workspace_m=(0.4, 10.0))["workspace"]
+    assert check.worst == pytest.approx(0.213 * 60 / 26 / 0.2, rel=1e-4)
+
+
 def test_stretches_are_counted_and_a_note_is_no_fault() -> None:
     """Rest to rest, F'' vanishes at both ends; the flatness-based law alone cannot follow that."""
     path = Planned(plan="rest_to_rest").sample(np.arange(0.0, 7.0, 0.01), FAST)

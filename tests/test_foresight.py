@@ -176,6 +176,15 @@ def test_no_pace_is_told_that_the_options_refuse() -> None:
     assert fault.hint == "at no pace that the options of this reference allow is it possible"
 
 
+def test_a_pace_too_slow_to_be_told_is_not_called_impossible() -> None:
+    """At 0.0016 rad/s P goes at 0.16 m/s, which the wheels can do."""
+    wide = ["reference.radius_m=100"]
+    (fault,) = foreseen(tt.load_scenario("lab_circle", wide))
+    assert fault.hint == "not possible at 0.02 of the pace, or faster"
+    slow = "reference.angular_rate_rad_s=0.0016"
+    assert foreseen(tt.load_scenario("lab_circle", [*wide, slow])) == []
+
+
 def test_of_a_pace_that_is_not_found_no_more_is_told_than_is_known() -> None:
     """A flat ellipse turns P about its ends however slowly it is driven."""
     ellipse = "{kind='flat_ellipse', half_axes_m=[0.001, 2.0], angular_rate_rad_s=1.0}"

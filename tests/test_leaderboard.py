@@ -205,6 +205,8 @@ def test_the_summary_tells_the_first_failure_of_laws_made_for_the_task() -> None
     assert all(rule in page for rule in RULES)
     assert all(f"“{VERDICTS[name][0]}”" in RULES[1] for name in SUCCESSES)
     assert "Not followed" not in to_summary(board(line("a", [1.0])), "mine")
+    # no row says how many ran beside it
+    assert "longer where several runs were made at once" in page
 
 
 def test_the_best_is_bold_on_every_page() -> None:

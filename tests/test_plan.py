@@ -117,6 +117,19 @@ def test_a_plan_that_cannot_be_says_which_limit_to_relax() -> None:
         plan_through(Request(BEND), SPRUNG, small)
 
 
+def test_a_larger_robot_needs_more_room_for_the_same_points() -> None:
+    across, outdoor = (
+        Request(np.array([[0.6, 0.0], [-0.6, 0.0]])),
+        RobotParameters(preset="outdoor"),
+    )
+    # its last label is 0.213 m · 60/26 behind P
+    with pytest.raises(RunError, match=r"workspace: 1\.09 m from its centre, more than the 0\.9"):
+        plan_through(across, outdoor, limits_of(outdoor, 0.9))
+    room = limits_of(outdoor, 0.9, workspace_m=(2.4, 1.3))
+    used = plan_through(across, outdoor, room).used["workspace"]
+    assert used == pytest.approx((0.6 + 0.213 * 60 / 26) / 1.2, rel=1e-3)
+
+
 def test_points_that_are_none() -> None:
     limits = limits_of(SPRUNG, 0.9)
     with pytest.raises(InputError, match="at least 3 of them"):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 import tomllib
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -237,6 +238,13 @@ def test_angles_on_the_circle_are_in_the_half_open_range_to_the_last_bit(kind: t
     angles = np.random.default_rng(0).uniform(-50.0, 50.0, 10_000).astype(kind)
     assert np.array_equal(wrap(angles), (angles + pi) % (2 * pi) - pi)  # as it ever was
     assert np.isnan(wrap(np.array([np.nan]))).all()
+
+
+def test_an_infinite_angle_is_nowhere_on_the_circle_and_no_warning() -> None:
+    with warnings.catch_warnings(action="error"):
+        wrapped = wrap(np.array([np.inf, 4.0, -np.inf]))
+    assert np.isnan(wrapped[[0, 2]]).all()
+    assert wrapped[1] == 4.0 - 2 * np.pi
 
 
 def test_an_angle_is_unwrapped_to_the_nearest_representative() -> None:

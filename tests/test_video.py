@@ -20,6 +20,7 @@ from ttwmr_mj.recording.video import encode
 from ttwmr_mj.recording.video.cameras import chase
 from ttwmr_mj.recording.video.film import SIZE_PX, STRIP_SHARE, Film
 from ttwmr_mj.recording.video.footage import Footage
+from ttwmr_mj.recording.video.map import BOTTOM_PX, SHIFT, TOP_PX, Map
 from ttwmr_mj.results.trajectory import Trajectory
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.runs.execute import run_scenario
@@ -91,6 +92,21 @@ def test_the_map_shows_where_the_robot_is(run: Path) -> None:
     assert np.dot(centres[1] - centres[0], expected) > 0.5 * np.dot(expected, expected)
     for colour in (style.TRAILER, style.REFERENCE_BAND):
         assert coloured(first, colour).sum() > 100
+
+
+@pytest.mark.parametrize("preset", ["table", "outdoor"])
+def test_the_map_has_room_for_the_whole_robot(preset: str, tmp_path: Path) -> None:
+    line = "reference={kind='straight_line', speed_m_s=0.1, theta2='aligned'}"
+    values = ["duration_s=0.3", "output.figures=false", f"robot.preset={preset!r}", line]
+    start = "initial={kind='on_reference'}"
+    run_scenario(load_scenario("lab_circle", [*values, start]), tmp_path)
+    footage = Footage.of(tmp_path, 10.0, 1.0, 0.0, None)
+    drawn = Map(footage, 480, UPPER)
+    for frame in range(len(footage.time_s)):
+        for name in ("tractor", "trailer"):
+            corners_px = drawn._corners(name, drawn._now, frame) / (1 << SHIFT)
+            assert (corners_px >= [0, TOP_PX]).all()
+            assert (corners_px <= [480, UPPER - BOTTOM_PX]).all()
 
 
 def test_the_chase_shows_robot_paths_and_forces(run: Path) -> None:
@@ -167,6 +183,9 @@ def test_a_run_without_recording_has_a_video_without_forces(run: Path, tmp_path:
         (["-o", "film.mp4", "--speed", "0"], "--speed: got 0"),
         (["-o", "film.mp4", "--start", "9"], "nothing between 9 s and 2.9"),
         (["-o", "film.mp4", "--speed", "1e-9"], "--speed: got 1e-09; makes 8.91e+10 pictures"),
+        (["-o", "film.mp4", "--start", "-1"], "--start: got -1; allowed: 0 or more"),
+        (["-o", "film.mp4", "--start", "nan"], "--start: got nan; allowed: 0 or more"),
+        (["-o", "film.mp4", "--stop", "-1"], "nothing between 0 s and -1 s, the run has 2.97 s"),
         (["-o", "nowhere/film.mp4"], "-o: got nowhere/film.mp4; there is no folder nowhere"),
     ],
 )

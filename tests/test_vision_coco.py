@@ -10,7 +10,7 @@ from ttwmr_mj.vision.coco import annotation
 
 
 def made(centres: list[tuple[float, float]], visible: list[float], classes: np.ndarray) -> dict:
-    truth = FrameTruth(np.zeros(4), np.array(centres), np.array(visible), classes)
+    truth = FrameTruth(0.0, np.zeros(4), np.array(centres), np.array(visible), classes)
     return annotation(truth, classes, 7)
 
 

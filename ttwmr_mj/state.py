@@ -96,8 +96,9 @@ def hitch_angles(q: FloatArray) -> FloatArray:
     return np.diff(q[..., THETA1:], axis=-1)
 
 
+@np.errstate(invalid="ignore")  # 1 µs a call
 def wrap(angle_rad: FloatArray) -> FloatArray:
-    """The same angles in [−π, π) [rad], any shape."""
+    """The same angles in [−π, π) [rad], any shape; NaN of NaN and of what is infinite."""
     # the remainder of what is a little below −π rounds to 2π
     return np.minimum((np.asarray(angle_rad) + np.pi) % TWO_PI - np.pi, BELOW_PI)
 

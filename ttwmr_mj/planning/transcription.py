@@ -21,7 +21,7 @@ import numpy as np
 from ttwmr_mj.dynamics.train import constants
 from ttwmr_mj.errors import RunError
 from ttwmr_mj.planning.solver import solved
-from ttwmr_mj.references.shared.feasibility import FRONT_LABEL_M, REAR_LABEL_M
+from ttwmr_mj.references.shared.feasibility import labels_reach_m
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray
 
@@ -40,7 +40,6 @@ class Limits:
         hitch_angle_rad: |θ2 − θ1|, of every hitch; beyond, the bed meets the deck before it.
         speed_m_s: least and greatest u1.
         workspace_m: width and height of the rectangle about the origin that the robot stays in.
-        ahead_m, behind_m: reach of the tractor ahead of P and of a trailer behind its hitch.
     """
 
     wheel_speed_rad_s: float
@@ -50,8 +49,6 @@ class Limits:
     hitch_angle_rad: float = 2.0
     speed_m_s: tuple[float, float] = (0.0, 1.0)
     workspace_m: tuple[float, float] = (1.4, 1.0)
-    ahead_m: float = FRONT_LABEL_M
-    behind_m: float = REAR_LABEL_M
 
 
 @dataclass(frozen=True)
@@ -80,14 +77,15 @@ def hitch_angles(states: Any, robot: RobotParameters) -> list[Any]:
     return [states[row, :] - states[before, :] for before, row in pairwise(rows)]
 
 
-def reaches(states: Any, robot: RobotParameters, limits: Limits) -> list[tuple[Any, Any]]:
+def reaches(states: Any, robot: RobotParameters) -> list[tuple[Any, Any]]:
     """(x, y) of what must stay in the workspace: P, the tractor's front, every trailer's rear."""
+    ahead_m, behind_m = labels_reach_m(robot)
     x, y = states[X, :], states[Y, :]
     front = states[THETA1, :]
-    points = [(x, y), (x + limits.ahead_m * ca.cos(front), y + limits.ahead_m * ca.sin(front))]
+    points = [(x, y), (x + ahead_m * ca.cos(front), y + ahead_m * ca.sin(front))]
     for (row, _), trailer in zip(trailer_rows(robot), robot.trailers, strict=True):
         cos, sin = ca.cos(states[row, :]), ca.sin(states[row, :])
-        points.append((x - limits.behind_m * cos, y - limits.behind_m * sin))
+        points.append((x - behind_m * cos, y - behind_m * sin))
         reach = trailer.next_hitch_offset_m or 0.0
         x, y = x - reach * cos, y - reach * sin
     return points
@@ -176,7 +174,7 @@ def upper_limits(
         yield "trailer's turn rate", states[rate, :], limits.trailer_rate_rad_s
     for angle in hitch_angles(states, robot):
         yield "hitch angle", angle, limits.hitch_angle_rad
-    for x, y in reaches(states, robot, limits):
+    for x, y in reaches(states, robot):
         yield "workspace", x, 0.5 * limits.workspace_m[0]
         yield "workspace", y, 0.5 * limits.workspace_m[1]
 

@@ -1,7 +1,8 @@
 """Frames for others to train or test on: PNG pictures with COCO keypoint annotations.
 
 The labels are the keypoints of one category, "ttwmr". Beside each picture lies a mask, an
-8-bit PNG whose values are the classes of `camera.frame`.
+8-bit PNG whose values are the classes of `camera.frame`. A picture's `time_s` is when it was
+exposed, in truth as all else; `stamp_s` is when the loop took it to be.
 """
 
 import json
@@ -76,7 +77,8 @@ class FrameExport:
         name = f"{number:06d}.png"
         rows, columns = frame.pixels.shape[:2]
         image = {"id": number, "file_name": name, "width": columns, "height": rows}
-        self._images.append({**image, "time_s": frame.time_s})
+        times = {"time_s": truth.time_s, "stamp_s": frame.time_s}
+        self._images.append({**image, **times})
         self._annotations.append(annotation(truth, classes, number))
         for kind, picture in (("images", frame.image), ("masks", classes)):
             _, content = cv2.imencode(".png", picture)

@@ -22,6 +22,17 @@ MOST_S = 1e6  # eleven days
 MISCOUNTED, MISCOUNTED_FRAMES = 2e-3, 2.0  # of a video's frames and length: containers round
 MOST_BYTES = 100_000_000  # of annotations: those of 50,000 frames
 
+NO_VIDEO = Fault(
+    problem="cannot be opened as a video; it may be damaged, or in a format that OpenCV does not "
+    "read",
+    hint="AVI with MJPG always works",
+)
+NO_CAMERA = Fault(
+    problem="no camera of this index can be opened; there may be none, it may be in use, or you "
+    "may lack the permission to use it",
+    hint="the first camera is 0; a file of this name is ./ and its name",
+)
+
 
 class _Picture(BaseModel):
     """What annotations.json says of a picture."""
@@ -67,12 +78,7 @@ def open_footage(source: str, camera: CameraModel) -> Iterator[Iterator[Frame]]:
         stream = cv2.VideoCapture(name)
     try:
         if not stream.isOpened():
-            unreadable = Fault(
-                problem="cannot be opened as a video; it may be damaged, or in a format that "
-                "OpenCV does not read",
-                hint="AVI with MJPG always works",
-            )
-            raise InputError(unreadable, file=source)
+            raise InputError(NO_VIDEO if index is None else NO_CAMERA, file=source)
         width = int(stream.get(cv2.CAP_PROP_FRAME_WIDTH))
         height = int(stream.get(cv2.CAP_PROP_FRAME_HEIGHT))
         _refuse_unlike(width, height, camera, source)

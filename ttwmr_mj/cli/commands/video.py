@@ -20,7 +20,9 @@ class VideoCommand(NewFiles, Quiet, name="video"):
     )
     speed: float = option("simulated seconds per second of the video", 1.0, metavar="FACTOR")
     start: float = option("simulated time of the first frame", 0.0, metavar="SECONDS")
-    stop: float | None = option("of the last frame; default: the run's end", metavar="SECONDS")
+    stop: float | None = option(
+        "of the last frame, no later than the run's end, the default", metavar="SECONDS"
+    )
 
     def __call__(self) -> int:
         from ttwmr_mj.recording.video.film import make_video

@@ -63,13 +63,15 @@ class Footage:
             raise InputError(f"{folder}: no run folder, it has no trajectory.parquet")
         if not 0.0 < speed < float("inf"):
             raise InputError.at("--speed", got=f"{speed:g}", allowed="more than 0")
+        if not 0.0 <= start_s < float("inf"):
+            raise InputError.at("--start", got=f"{start_s:g}", allowed="0 or more")
         run = StoredRun.read(folder)
         scenario, rows = run.scenario, run.rows
         alive = (np.abs(rows.q[:, 0]) <= ESCAPE).all(axis=1)  # where a run ends it may be far away
         rows = rows if alive.all() else rows.rows(0, int(alive.argmin()))
         last_s = float(rows.time_s[-1]) if len(rows) else 0.0
         stop_s = last_s if stop_s is None else min(stop_s, last_s)
-        if not 0.0 <= start_s < stop_s:
+        if not start_s < stop_s:
             problem = f"nothing between {start_s:g} s and {stop_s:g} s, the run has {last_s:g} s"
             raise InputError(problem, file=str(folder))
         if (count := (stop_s - start_s) * fps / speed) > MOST_FRAMES:

@@ -15,7 +15,7 @@ from ttwmr_mj.recording.video.footage import Footage
 from ttwmr_mj.state import FloatArray
 from ttwmr_mj.vision.camera.frame import Image
 
-MARGIN_M = 0.2  # around the paths
+MARGIN_M = 0.2  # around the paths, of Table I's robot
 TOP_PX, BOTTOM_PX = 46, 14  # kept free for words
 GRID_M = 0.1
 ROUNDING_M = 0.003  # of the robots outlines
@@ -38,7 +38,8 @@ class Map:
         self._footage = footage
         self._paths = whole = footage.paths_m()
         points = np.concatenate(list(whole.values()))
-        low, high = np.nanmin(points, axis=0) - MARGIN_M, np.nanmax(points, axis=0) + MARGIN_M
+        margin_m = MARGIN_M * footage.scenario.robot.looks_scale
+        low, high = np.nanmin(points, axis=0) - margin_m, np.nanmax(points, axis=0) + margin_m
         free = np.array([width, height - TOP_PX - BOTTOM_PX])
         self._scale = float((free / (high - low)).min())  # pixels per metre
         self._middle_m = 0.5 * (low + high)

@@ -45,7 +45,7 @@ SIDE_SLIP_M_S = 1e-3  # a hundredth of a slow robot's speed
 # Of the first trailer's weight times its COM's distance from the hitch: 1e-5 N·m of Table I's, a
 # hundredth of what a small dry friction gives.
 HITCH_TORQUE_SHARE = 2.19e-5
-FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P
+FRONT_LABEL_M, REAR_LABEL_M = 0.103, 0.213  # far edges, from P, on Table I's robot
 # |F''| that the flatness-based law needs. The slowest circle of 0.6 m that it can be told to follow
 # takes 150 s; in a plan, F'' passes through zero.
 LEAST_ACCELERATION_M_S2 = 1e-3
@@ -95,7 +95,7 @@ def check_feasibility(
 
 
 def feasible_pace(broken: Callable[[ReferencePath], bool], reference: ReferencePath) -> float:
-    """The largest share of its pace at which a reference keeps a limit; 0: at none.
+    """The largest share of its pace at which a reference keeps a limit; 0: not at LEAST_PACE.
 
     All that is asked grows with the pace, but what a spring in the hitch asks for.
 
@@ -224,15 +224,18 @@ def _weight_on_wheels(robot: RobotParameters) -> float:
     return GRAVITY_M_S2 * tractor.mass_kg * max(0.0, share)
 
 
+def labels_reach_m(robot: RobotParameters) -> tuple[float, float]:
+    """How far labels reach ahead of P, and behind a trailer's hitch."""
+    return robot.looks_scale * FRONT_LABEL_M, robot.looks_scale * REAR_LABEL_M
+
+
 def _reach(q: FloatArray, workspace_m: tuple[float, float], robot: RobotParameters) -> FloatArray:
     """(n, batch) how far the robot reaches, in half workspaces; P alone where θ2 is undefined."""
     half = 0.5 * np.array(workspace_m)
     parts, hitch = [q[..., :2]], q[..., :2]
+    ahead_m, behind_m = labels_reach_m(robot)
     reaches = [t.next_hitch_offset_m or 0.0 for t in robot.trailers]
-    for column, reach in (
-        (2, FRONT_LABEL_M),
-        *((3 + i, -REAR_LABEL_M) for i in range(len(reaches))),
-    ):
+    for column, reach in ((2, ahead_m), *((3 + i, -behind_m) for i in range(len(reaches)))):
         angle = q[..., column : column + 1]
         along = np.concatenate([np.cos(angle), np.sin(angle)], axis=-1)
         parts.append(hitch + reach * along)

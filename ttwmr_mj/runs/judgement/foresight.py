@@ -107,7 +107,8 @@ def _hint(scenario: Scenario, reference: ReferencePath, demand: Demand) -> str:
     pace = feasible_pace(broken, reference)
     trailer = demand.name == "free trailer"
     if pace < (WORTH_TELLING if trailer else LEAST_PACE):
-        return _of_the_trailer(scenario) if trailer else "at no pace is it possible"
+        too_slow = f"not possible at {LEAST_PACE:g} of the pace, or faster"
+        return _of_the_trailer(scenario) if trailer else too_slow
     # stretched in time it is not the reference made anew, whose balls are held back as ever
     for _ in range(TRIES):
         options = _rounded_options(scenario, pace)

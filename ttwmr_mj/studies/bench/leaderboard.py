@@ -44,8 +44,9 @@ RULES = (
     "“settled” is the time after which P stays within 10 mm; “effort” is ∫(ω_r² + ω_l²)dt. “∞” is "
     "any number of a run that broke off, and the time of one that never settled, where others have "
     "one; “–”: no run has one.",
-    "Ranked by failures, then by the median error. Control time is wall time per sample, measured "
-    "with several runs at once; of runs that shared a batch, each one's share of it.",
+    "Ranked by failures, then by the median error. Control time is wall time per sample, "
+    "longer where several runs were made at once (--workers); of runs that shared a batch, each "
+    "one's share of it.",
 )
 
 

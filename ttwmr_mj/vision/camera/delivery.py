@@ -38,7 +38,8 @@ class DeliveryFaults:
         if not dropped and not dark:
             frame = take()
             if frozen and self._last is not None:
-                frame = replace(frame, pixels=self._last.pixels, truth=self._last.truth)
+                truth = self._last.truth and replace(self._last.truth, time_s=frame.time_s)
+                frame = replace(frame, pixels=self._last.pixels, truth=truth)
             self._last = frame
             self._waiting.append((period + (options.late_periods if late else 0), frame))
         ready = []

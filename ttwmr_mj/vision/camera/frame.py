@@ -20,6 +20,8 @@ class FrameTruth:
     """What a frame shows, for scoring; nothing in the loop may look at it.
 
     Attributes:
+        time_s: the middle of the exposure by the simulation's own clock; of a frame that repeats
+            the previous image, when its own should have been exposed.
         q: (3 + n,) x, y, θ1, θ2, … at the middle of the exposure.
         centres_px: (labels, 2) column and row of the labels' centres, in the layout's order;
             also where a label is hidden or outside of the picture.
@@ -28,6 +30,7 @@ class FrameTruth:
             3-6 the labels by hue, 7 occluder, 8 distractor; None unless asked for.
     """
 
+    time_s: float
     q: FloatArray
     centres_px: FloatArray
     visible: FloatArray
@@ -50,7 +53,7 @@ class Frame:
     """One picture."""
 
     pixels: Pixels
-    time_s: float  # middle of the exposure
+    time_s: float  # middle of the exposure, as far as the receiver knows
     truth: FrameTruth | None  # None for a real camera's frame
 
     @property

@@ -126,7 +126,7 @@ class VirtualCamera:
         self._occluders.draw(light, classes, moment, labels_m)
         self._glare.add(light, moment)
         visible = self._visible(labels_m, centres_px, moment)
-        truth = FrameTruth(q, centres_px, visible, classes)
+        truth = FrameTruth(moment, q, centres_px, visible, classes)
         return Frame(pixels=self._noise.read(light, moment), time_s=moment, truth=truth)
 
     def close(self) -> None:
