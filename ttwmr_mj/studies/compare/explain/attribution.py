@@ -137,7 +137,8 @@ class Attribution:
             )
         gross = sum(abs(row.size) for row in effects)
         return (
-            "the remainder is large relative to the total because effects cancel; it is "
+            "the remainder is large relative to the total because effects cancel, or do not add "
+            "up where a trailer is unstable; it is "
             f"{100 * abs(rest.size) / gross:.1f} % of the sum of their magnitudes"
         )
 
