@@ -114,6 +114,60 @@ def test_a_mirrored_motion_is_the_mirror_image(damping_n_m_s_rad: float, duratio
     np.testing.assert_allclose(found[0].q, found[1].q * mirror, atol=1e-9)
 
 
+@pytest.mark.parametrize("name", HITCHES)
+@pytest.mark.parametrize("period_s", [0.033, 0.005, 0.002, 0.0005])
+def test_a_motion_begins_as_one_that_began_earlier(name: str, period_s: float) -> None:
+    """At 0.5 ms its first θ̇1 was to be −8 rad/s: oscillations began with the motion."""
+    robot = RobotParameters(hitch=HITCHES[name])
+    flat = FlatEllipse(half_axes_m=(0.7, 0.5), angular_rate_rad_s=0.9)
+    earlier = round(2.0 / period_s)
+    times = period_s * np.arange(-earlier, round(3.0 / period_s))
+    long = carried(flat.sample(times, robot), robot, NOTHING)
+    found = carried(flat.sample(times[earlier:], robot), robot, NOTHING)
+    # of the oscillation that is as slow as 8 rad/s a thirtieth of θ̈2 stays, 0.2 rad/s²
+    np.testing.assert_allclose(found.q[0], long.q[earlier], atol=1e-4)
+    np.testing.assert_allclose(found.theta_rate[0], long.theta_rate[earlier], atol=3e-3)
+    np.testing.assert_allclose(
+        found.theta_acceleration[0], long.theta_acceleration[earlier], atol=0.06
+    )
+
+
+@pytest.mark.parametrize("side", ["inside", "outside"])
+@pytest.mark.parametrize("friction_n_m", [1e-4, 3e-4])
+def test_a_spring_and_resisting_balls_balance_together(side: str, friction_n_m: float) -> None:
+    """Each alone did: the spring was solved for the trailer that the balls do not turn."""
+    turn, radius, stiffness = 0.9, 0.6, 0.005
+    given = [f"reference={{kind='flat_circle', radius_m={radius}, angular_rate_rad_s={turn}}}"]
+    given += [f"reference.side='{side}'", f"robot.hitch.stiffness_n_m_rad={stiffness}"]
+    given += [f"robot.casters.socket_friction_n_m={friction_n_m}", "duration_s=3.0"]
+    one = tt.load_scenario("outer_circle", given)
+    path, robot = sample_reference(one), one.robot
+    assert path is not None
+    assert check_feasibility(path, robot)["free trailer"].worst < 1e-8
+    # by hand, on a circle: m2·l·P''·n of a steady turn, the spring, and the balls' pull
+    p, theta2 = path.position_m[0, 0], path.theta2_rad[0, 0]
+    along, across = (np.array(axis) for axis in trailer_axes(np.array(theta2)))
+    trailer, balls = robot.trailers[0], robot.casters
+    torque = -trailer.mass_kg * trailer.com_offset_m * turn**2 * p @ across
+    torque -= stiffness * (theta2 - path.theta1_rad[0, 0])
+    for beside in (1.0, -1.0):
+        lever = -trailer.com_offset_m * along + beside * balls.trailer_half_spacing_m * across
+        velocity = turn * np.array([-(p + lever)[1], (p + lever)[0]])
+        force = -friction_n_m / balls.radius_m * velocity / np.hypot(np.hypot(*velocity), 1e-3)
+        torque += lever[0] * force[1] - lever[1] * force[0]
+    assert abs(torque) < 1e-8
+
+
+@pytest.mark.parametrize("stiffness_n_m_rad", [0.0, 0.002])
+def test_a_load_off_the_axis_and_resisting_balls_balance_together(stiffness_n_m_rad: float) -> None:
+    given = [f"robot.hitch.stiffness_n_m_rad={stiffness_n_m_rad}", "duration_s=3.0"]
+    given += ["robot.trailer.com_lateral_m=0.006", "robot.casters.socket_friction_n_m=1e-4"]
+    one = tt.load_scenario("outer_circle", given)
+    path = sample_reference(one)
+    assert path is not None
+    assert check_feasibility(path, one.robot)["free trailer"].worst < 1e-8
+
+
 def test_a_false_minimum_is_no_solution(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ttwmr_mj.references.shared.hitched.MOST_LEFT", 1e-9)
     robot = RobotParameters(hitch=HITCHES["damper"])

@@ -8,21 +8,21 @@ gravity, `dynamics.floor.influence`),
 
 so θ2 is the direction of the left-hand side. d depends on the motion in turn; it is small against
 a, and found by repeating. Where F'' vanishes, between samples too, and a changes its sign,
-θ2 would have to turn round. That of the hitch is found first, by itself (`hitched`).
+θ2 would have to turn round. Where a spring or damper acts, all is solved at once (`hitched`).
 """
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
 
-from ttwmr_mj.dynamics.flatness import (
-    FlatMotion,
-    dot,
-    motion_from_flat,
-    trailer_axes,
-    velocity_behind,
+from ttwmr_mj.dynamics.flatness import FlatMotion, dot, motion_from_flat, trailer_axes
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY
+from ttwmr_mj.references.shared.hitched import (
+    LEAST_SAMPLES,
+    balls_push,
+    has_spring,
+    hitch_push,
+    hitched,
 )
-from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back
-from ttwmr_mj.references.shared.hitched import LEAST_SAMPLES, has_spring, hitch_push, hitched
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
@@ -63,17 +63,19 @@ def carried(path: ReferencePath, robot: RobotParameters, influence: FloatArray) 
     sign = np.broadcast_to(signs[:1], flat.shape[:2])[:1]
     gravity = np.zeros((*flat.shape[:2], 3, 2))
     gravity[:, :, 0] = influence[:, GRAVITY]
-    aside = np.zeros((len(flat), *batch, 2))
     fits = np.broadcast_to(fits, batch).copy()
+    drag = np.broadcast_to(drag, batch)
     if has_spring(robot):
+        aside = np.zeros((len(flat), *batch, 2))
         free = motion_from_flat(flat, sign, robot, gravity).theta2
         for i in np.flatnonzero(fits):
             one = slice(i, i + 1)
-            found = hitched(path.time_s, flat[:, one], free[:, one], gravity[0, one, 0], robot)
+            given = flat[:, one], free[:, one], gravity[0, one, 0], drag[one]
+            found = hitched(path.time_s, *given, robot)
             fits[i] = found is not None
             aside[:, one] = 0.0 if found is None else found
-    if drag.any():
-        aside, settled = _with_balls(path.time_s, flat, sign, robot, gravity, aside, drag)
+    else:
+        aside, settled = _with_balls(path.time_s, flat, sign, robot, gravity, drag)
         fits &= settled
     if not fits.any():
         return path
@@ -97,32 +99,28 @@ def _with_balls(
     sign: FloatArray,
     robot: RobotParameters,
     gravity: FloatArray,
-    hitch: FloatArray,
     drag: FloatArray,
 ) -> tuple[FloatArray, BoolArray]:
-    """(n, batch, 2) k·d·n of hitch and balls [m/s²], and of whom (batch,) it was found.
+    """(n, batch, 2) k·d·n of balls that resist [m/s²], and of whom (batch,) it was found.
 
     What is tried depends on its own rate. Over short steps rounding grows from round to round,
     so that longer ones are taken then, of the same motion.
     """
-    aside, left = np.array(hitch), np.arange(hitch.shape[1])
-    drag = np.broadcast_to(drag, left.shape)
-    stride = 1
+    aside, left, stride = np.zeros((*flat.shape[:2], 2)), np.flatnonzero(drag), 1
     while left.size and len(time_s) // stride >= LEAST_SAMPLES:
         times = time_s[::stride]
-        some, pushed = flat[::stride, left], hitch[::stride, left]
-        pull = _pull(gravity[::stride, left], pushed, times)
-        found = [pushed]
+        some, pulled = flat[::stride, left], gravity[::stride, left]
+        pull, found = pulled, [np.zeros((*some.shape[:2], 2))]
         for _ in range(ROUNDS):
             motion = motion_from_flat(some, sign[:, left], robot, pull)
-            found.append(pushed + _aside(some, motion, robot, drag[left]))
-            pull = _pull(gravity[::stride, left], found[-1], times)
+            found.append(_aside(some, motion, robot, drag[left]))
+            pull = _pull(pulled, found[-1], times)
         settled = _settle(found, float(times[1] - times[0]))
         for i in np.flatnonzero(settled):
             one = found[-1][:, i]
             aside[:, left[i]] = one if stride == 1 else make_interp_spline(times, one, 5)(time_s)
         left, stride = left[~settled], 2 * stride
-    return aside, ~np.isin(np.arange(hitch.shape[1]), left)
+    return aside, ~np.isin(np.arange(len(drag)), left)
 
 
 def _settle(found: list[FloatArray], step_s: float) -> BoolArray:
@@ -169,11 +167,8 @@ def _aside(
 ) -> FloatArray:
     """(n, batch, 2) k·d·n [m/s²]."""
     theta2, rate = motion.theta2[..., 0], motion.theta2[..., 1]
-    t, n = trailer_axes(theta2)
-    velocity = flat[:, :, 1] + (robot.swing_length_m * rate)[..., None] * n
-    com = velocity_behind(velocity, theta2, rate, robot.trailer.com_offset_m)
-    held = held_back(drag, dot(com, t), dot(com, n), rate, robot)
-    return np.asarray(held[..., None] * n)
+    held = balls_push(flat[:, :, 1], theta2, rate, drag, robot)
+    return np.asarray(held[..., None] * trailer_axes(theta2 - robot.lean_rad)[1])
 
 
 def _reference(path: ReferencePath, flat: FloatArray, motion: FlatMotion) -> ReferencePath:
