@@ -66,5 +66,5 @@ def test_the_pages_scenario_is_one(tmp_path: Path) -> None:
     (tmp_path / "over_the_field.toml").write_text(text)
     scenario = tt.load_scenario(tmp_path / "over_the_field.toml")
     assert scenario.ground.terrain is not None
-    assert scenario.ground.kerbs[0].height_m == 0.003
+    assert scenario.ground.kerbs[0].height_m == 0.001
     assert scenario.robot.tractor.wheel_radius_m == pytest.approx(0.06)

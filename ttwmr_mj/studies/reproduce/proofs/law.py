@@ -13,7 +13,7 @@ def _trailer() -> dict[str, Any]:
 
 
 def eq_32() -> Proof:
-    """Slope of u = e2/e1 under law (32), its one root, and the finite time to u = 0."""
+    """Slope of u = e2/e1 under law (32), its one root for α1 = 25, α2 = 10, and time to u = 0."""
     t = sp.Symbol("t")
     a1, a2 = sp.symbols("alpha_1 alpha_2", positive=True)
     u = sp.Symbol("u", real=True)
