@@ -112,7 +112,7 @@ def test_what_effects_contribute_does_not_hang_on_how_ideal_the_ideal_is(
     for coarse, fine in zip(*tables, strict=True):
         if coarse.name == "hitch_friction":  # two ideal robots with the same have the same motion
             assert coarse.alone == pytest.approx(0.0, abs=0.04 * total)
-        if coarse.name != "rest":  # it is what the extrapolation leaves
+        if coarse.name != "rest":  # it is what the extrapolation leaves; others differ by 2 %
             assert coarse.size == pytest.approx(fine.size, abs=0.04 * total), coarse.name
     rest = [rows[-2].size for rows in tables]
     assert abs(rest[1]) < abs(rest[0]) < 0.05 * total

@@ -181,7 +181,7 @@ def test_a_law_that_swallows_the_end_of_its_waiting_has_failed(where: str, reaso
 
 
 def test_a_law_has_longer_to_plan_a_longer_run() -> None:
-    """Laws that plan along the whole reference take 2 ms a period: 60 s end at half an hour."""
+    """Laws that plan along the whole reference take 2 ms a period: a quarter hour of run, 60 s."""
     limit = "control.controller_start_limit_s=0.02"
     for periods, limit_s in ((1_000, 0.02), (20_000, 0.08)):
         overrides = [limit, f"duration_s={periods * 0.033}", "plant.kind='analytic'"]

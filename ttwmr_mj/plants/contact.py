@@ -160,7 +160,7 @@ class ContactPlant(Plant):
         """(nsim, nq) patterns of yaw 0 of robots that were let down on uneven ground at q.
 
         They are held at q meanwhile, free to sink, tilt and roll: what would slide off the edge of
-        a plate, or lower a trailer downhill, does so from there once the run begins.
+        a plate, or turn downhill, does so from there once the run begins.
         """
         joints = self._joints
         pattern = joints.standing(self._settled_qpos, initial.q)

@@ -30,7 +30,7 @@ NO_VIDEO = Fault(
 NO_CAMERA = Fault(
     problem="no camera of this index can be opened; there may be none, it may be in use, or you "
     "may lack the permission to use it",
-    hint="the first camera is 0; a file of this name is ./ and its name",
+    hint="the first camera is 0; write ./ before the name of a file that is a number",
 )
 
 

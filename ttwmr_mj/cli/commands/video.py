@@ -21,7 +21,7 @@ class VideoCommand(NewFiles, Quiet, name="video"):
     speed: float = option("simulated seconds per second of the video", 1.0, metavar="FACTOR")
     start: float = option("simulated time of the first frame", 0.0, metavar="SECONDS")
     stop: float | None = option(
-        "of the last frame, no later than the run's end, the default", metavar="SECONDS"
+        "of the last frame; default, and at the latest: the run's end", metavar="SECONDS"
     )
 
     def __call__(self) -> int:

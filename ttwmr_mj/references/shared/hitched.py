@@ -9,7 +9,8 @@ a differential equation for θ2, for φ̇ holds θ̈2. It has oscillations of it
 cos φ < 0, and integrated either way rounding grows. Wanted is the solution without these: least
 squares of the equation, in units of |F''|, and of ROUGH_S⁴ times the fourth derivative of what is
 added to the free trailer's θ2, at the samples of the reference, by Gauss-Newton steps. What is left
-of the equation is of the order ROUGH_S⁸·ω⁸ of the addition, 3e-14 of it at 2 rad/s. The second
+of the equation is of the order ROUGH_S⁸·ω⁸ of the addition, 3e-14 of it at 2 rad/s, and more in the
+last samples. The second
 derivative in the fourth's place would let an oscillation of 8 rad/s begin with the motion, as large
 in θ̈2 as what is wanted.
 """
@@ -30,7 +31,7 @@ from ttwmr_mj.state import FloatArray, wrap
 
 MOST_STEPS, MOST_HALVINGS, CONVERGED_RAD = 50, 10, 1e-9
 ALIKE = 1.0 + 1e-9  # what rounding leaves of a sum of squares that no step makes smaller
-MOST_LEFT = 0.01  # of the equation: up to 6e-4 in the last samples; a false minimum leaves 0.2
+MOST_LEFT = 0.01  # of the equation, lest a false minimum be taken; found: up to 4e-5, at the end
 ROUGH_S, ROUGHNESS = 0.01, (1.0, -4.0, 6.0, -4.0, 1.0)
 LEAST_STEP_S = 5e-3  # second differences over less are rounding, which does not converge
 LEAST_SAMPLES = 8  # for a smooth curve through them, of however short a run

@@ -32,7 +32,8 @@ class Effect:
             where off means off.
         solver: whether it is how MuJoCo computes, and not how the robot is built: no real robot
             has it.
-        shared: whether the analytic model has it, too: alone it may change what others do, no more.
+        shared: whether the analytic model has it, too, so that much of what it seems to do alone
+            is a change in what others do.
         wheels: whether it is how the wheels follow their commands: nothing where the analytic
             model is driven by the wheels' actual speeds.
     """
