@@ -58,7 +58,7 @@ from ttwmr_mj.dynamics.flatness import (
     trailer_axes,
     velocity_behind,
 )
-from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, VISCOUS, held_back
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, VISCOUS, held_back_moving
 from ttwmr_mj.dynamics.hitch import spring_damper_acceleration
 from ttwmr_mj.errors import Fault
 from ttwmr_mj.references.shared.feasibility import LEAST_ACCELERATION_M_S2
@@ -148,11 +148,9 @@ class Flatness(PlanningLaw["FlatnessOptions"]):
         push = spring + self._friction.acceleration(now, self._model.influence[VISCOUS])
         if not now.influence[:, DRAG].any():
             return push
-        t, n = trailer_axes(theta2)
-        length = self._robot.trailer.com_offset_m
-        com = velocity_behind(self._velocity(now), theta2, rate, length)
-        along, across, drag = dot(com, t), dot(com, n), now.influence[:, DRAG]
-        return push + held_back(drag, along, across, rate, self._robot) / self._length
+        drag, velocity = now.influence[:, DRAG], self._velocity(now)
+        held = held_back_moving(drag, velocity, theta2, rate, self._robot)
+        return push + held / self._length
 
     def _fourth_derivative(
         self, k: int, now: Observed, d: FloatArray

@@ -11,6 +11,7 @@ as if gravity pulled along −v̂. The hitch's dry and viscous friction act agai
 
 import numpy as np
 
+from ttwmr_mj.dynamics.flatness import dot, trailer_axes, velocity_behind
 from ttwmr_mj.dynamics.floor.balls import Forces, torque_about_p
 from ttwmr_mj.dynamics.floor.balls import held_back as forces_on_balls
 from ttwmr_mj.dynamics.floor.ground import Ground
@@ -54,3 +55,16 @@ def held_back(
     """
     torque = torque_about_p(along_m_s, across_m_s, turn_rad_s, robot, EVENLY, FADING_M_S)
     return np.asarray(drag_m_s2 * torque / robot.trailer.com_distance_m)
+
+
+def held_back_moving(
+    drag_m_s2: FloatArray,
+    velocity_m_s: FloatArray,
+    theta2_rad: FloatArray,
+    turn_rad_s: FloatArray,
+    robot: RobotParameters,
+) -> FloatArray:
+    """(...) the same of the velocity (..., 2) of P, θ2 and θ̇2."""
+    t, n = trailer_axes(theta2_rad)
+    com = velocity_behind(velocity_m_s, theta2_rad, turn_rad_s, robot.trailer.com_offset_m)
+    return held_back(drag_m_s2, dot(com, t), dot(com, n), turn_rad_s, robot)

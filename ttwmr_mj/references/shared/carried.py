@@ -15,14 +15,8 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from ttwmr_mj.dynamics.flatness import FlatMotion, dot, motion_from_flat, trailer_axes
-from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY
-from ttwmr_mj.references.shared.hitched import (
-    LEAST_SAMPLES,
-    balls_push,
-    has_spring,
-    hitch_push,
-    hitched,
-)
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back_moving
+from ttwmr_mj.references.shared.hitched import LEAST_SAMPLES, has_spring, hitch_push, hitched
 from ttwmr_mj.references.shared.path import ReferencePath
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import BoolArray, FloatArray, wrap
@@ -167,8 +161,10 @@ def _aside(
 ) -> FloatArray:
     """(n, batch, 2) k·d·n [m/s²]."""
     theta2, rate = motion.theta2[..., 0], motion.theta2[..., 1]
-    held = balls_push(flat[:, :, 1], theta2, rate, drag, robot)
-    return np.asarray(held[..., None] * trailer_axes(theta2 - robot.lean_rad)[1])
+    across = trailer_axes(theta2 - robot.lean_rad)[1]
+    velocity = flat[:, :, 1] + (robot.swing_length_m * rate)[..., None] * across
+    held = held_back_moving(drag, velocity, theta2, rate, robot)
+    return np.asarray(held[..., None] * across)
 
 
 def _reference(path: ReferencePath, flat: FloatArray, motion: FlatMotion) -> ReferencePath:

@@ -24,9 +24,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from ttwmr_mj.dynamics.flatness import dot, flat_output_acceleration, trailer_axes, velocity_behind
+from ttwmr_mj.dynamics.flatness import dot, flat_output_acceleration, trailer_axes
 from ttwmr_mj.dynamics.floor.ground import GRAVITY_M_S2, LEVEL, Ground
-from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back, influence_of
+from ttwmr_mj.dynamics.floor.influence import DRAG, GRAVITY, held_back_moving, influence_of
 from ttwmr_mj.dynamics.kinematics import (
     constraint_residual,
     to_body,
@@ -187,9 +187,7 @@ def _push(reference: ReferencePath, robot: RobotParameters, ground: Ground) -> F
     pulled = -dot(influence[GRAVITY], trailer_axes(theta2 - robot.lean_rad)[1])
     if not influence[DRAG]:
         return np.asarray(pulled / k)
-    t, n = trailer_axes(theta2)
-    velocity = velocity_behind(reference.velocity_m_s, theta2, rate, robot.trailer.com_offset_m)
-    held = held_back(influence[DRAG], dot(velocity, t), dot(velocity, n), rate, robot)
+    held = held_back_moving(influence[DRAG], reference.velocity_m_s, theta2, rate, robot)
     return np.asarray((pulled + held) / k)
 
 

@@ -24,8 +24,8 @@ from scipy.interpolate import make_interp_spline
 from scipy.sparse import csc_array, dia_array
 from scipy.sparse.linalg import spsolve
 
-from ttwmr_mj.dynamics.flatness import dot, trailer_axes, velocity_behind
-from ttwmr_mj.dynamics.floor.influence import held_back
+from ttwmr_mj.dynamics.flatness import dot, trailer_axes
+from ttwmr_mj.dynamics.floor.influence import held_back_moving
 from ttwmr_mj.robot import RobotParameters
 from ttwmr_mj.state import FloatArray, wrap
 
@@ -48,29 +48,6 @@ def hitch_push(phi: FloatArray, phi_rate: FloatArray, robot: RobotParameters) ->
     hitch = robot.hitch
     torque = hitch.stiffness_n_m_rad * phi + hitch.damping_n_m_s_rad * phi_rate
     return np.asarray(-robot.swing_length_m / robot.swing_inertia_kg_m2 * torque)
-
-
-def balls_push(
-    velocity: FloatArray,
-    theta2: FloatArray,
-    rate: FloatArray,
-    drag: FloatArray,
-    robot: RobotParameters,
-) -> FloatArray:
-    """(n, batch) k·d of balls that resist [m/s²].
-
-    Args:
-        velocity: (n, batch, 2) of F [m/s].
-        theta2: (n, batch).
-        rate: (n, batch) of θ2.
-        drag: (batch,).
-        robot: with one trailer.
-    """
-    across = trailer_axes(theta2 - robot.lean_rad)[1]
-    of_p = velocity + (robot.swing_length_m * rate)[..., None] * across
-    com = velocity_behind(of_p, theta2, rate, robot.trailer.com_offset_m)
-    t, n = trailer_axes(theta2)
-    return np.asarray(held_back(drag, dot(com, t), dot(com, n), rate, robot))
 
 
 def hitched(
@@ -218,7 +195,7 @@ class _Problem:
         theta1_rate = _cross(velocity, bend) / dot(velocity, velocity)
         push = hitch_push(wrap(theta2 - theta1), rate - theta1_rate, robot)
         if self._drag.any():
-            push += balls_push(self._velocity, theta2, rate, self._drag, robot)
+            push += held_back_moving(self._drag, velocity, theta2, rate, robot)
         return push, across
 
 
