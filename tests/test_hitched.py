@@ -108,9 +108,10 @@ def test_a_mirrored_motion_is_the_mirror_image(damping_n_m_s_rad: float, duratio
             tilt_rad=0.41 * side,
         )
         found.append(carried(flat.sample(times, robot), robot, NOTHING))
-        assert (
-            np.abs(imbalance(found[-1], robot)[:-10]).max() < 5e-6
-        )  # all but the last, behind the run
+        left = np.abs(imbalance(found[-1], robot))
+        assert left[:-10].max() < 5e-6
+        # one-sided differences in the last samples, behind the run; of first order, 7e-4
+        assert left.max() < 1e-4
         assert np.hypot(*np.moveaxis(found[-1].velocity_m_s, -1, 0)).max() < 0.21
     mirror = np.array([1.0, -1.0, -1.0, -1.0])
     np.testing.assert_allclose(found[0].q, found[1].q * mirror, atol=1e-9)
